@@ -408,3 +408,90 @@ fn a_sole_is_where_the_foot_is() {
     assert!(draft.config.tip.is_empty());
     assert!(draft.config.sole_m[0] > draft.config.sole_m[1], "{:?}", draft.config.sole_m);
 }
+
+/// As Cassie of UMich: what is called ankle is the heel, at half of the leg; the toe is the foot.
+#[test]
+fn toes_far_from_what_is_called_the_ankle_are_the_foot() {
+    let cassie = |rig: Rig, side: &str, y: f64| {
+        let part = |part: &str| format!("{side}_{part}");
+        let link = |part: &str| format!("{side}_{part}_link");
+        rig.joint("revolute", &part("hip_roll"), "base", &format!("0 {y} 0"), X)
+            .joint("revolute", &part("thigh"), &link("hip_roll"), "0 0 0", Y)
+            .joint("revolute", &part("knee"), &link("thigh"), "0.05 0 -0.2", Y)
+            .joint("revolute", &part("ankle"), &link("knee"), "-0.1 0 -0.3", Y)
+            .joint("revolute", &part("toe"), &link("ankle"), "0.1 0 -0.4", Y)
+    };
+    let body = guess(&cassie(cassie(Rig::new(), "left", 0.1), "right", -0.1));
+    assert_eq!(body.kind, BodyKind::Biped);
+    assert_eq!(body.parts.left_sole.as_deref(), Some("left_toe_link"));
+}
+
+/// As the two arms of WATonomous: no name says arm, one hangs and one is held out at zero.
+#[test]
+fn arms_that_are_held_otherwise_at_zero_are_a_pair() {
+    let rig = [("", 0.16, "0 0 -1"), ("l", -0.16, "0 -1 0")].iter().fold(
+        Rig::new(),
+        |rig, (mark, y, way)| {
+            let along = |m: f64| {
+                let numbers = way.split(' ').map(|v| v.parse::<f64>().unwrap() * m);
+                numbers.map(|v| v.to_string()).collect::<Vec<_>>().join(" ")
+            };
+            let name = |index: usize| format!("seg{index}{mark}");
+            let link = |index: usize| format!("seg{index}{mark}_link");
+            (2..7).fold(
+                rig.joint("revolute", &name(1), "base", &format!("0 {y} 0.5"), X),
+                |rig, index| {
+                    let axis = [X, Y, Z][index % 3];
+                    rig.joint("revolute", &name(index), &link(index - 1), &along(0.1), axis)
+                },
+            )
+        },
+    );
+    let body = guess(&rig);
+    assert_eq!(body.kind, BodyKind::UpperBody);
+    assert_eq!(body.parts.left_hand.as_deref(), Some("seg6_link"));
+    assert_eq!(body.parts.right_hand.as_deref(), Some("seg6l_link"));
+}
+
+/// As Kangaroo: the knee is driven through a rod, so its leg has the joints of a ball at the
+/// hip and those of the foot; the waist above the hips is no head.
+#[test]
+fn joints_of_a_ball_are_no_knee_and_a_waist_is_no_head() {
+    let kangaroo = |rig: Rig, side: &str, y: f64| {
+        let part = |part: usize| format!("leg_{side}_{part}");
+        let link = |part: usize| format!("leg_{side}_{part}_link");
+        rig.joint("revolute", &part(1), "base", &format!("0 {y} 0"), Z)
+            .joint("revolute", &part(2), &link(1), "0 0 -0.12", Y)
+            .joint("revolute", &part(3), &link(2), "0 0 0", X)
+            .joint("fixed", &part(4), &link(3), "0 0 -0.3", "")
+            .joint("revolute", &part(5), &link(4), "0 0 0", X)
+    };
+    let waist = Rig::new().joint("revolute", "pelvis_1", "base", "0 0 0.05", Z);
+    let body = guess(&kangaroo(kangaroo(waist, "left", 0.1), "right", -0.1));
+    assert_eq!((body.kind, body.parts.head), (BodyKind::Biped, None));
+    assert_eq!(body.parts.left_knee.as_deref(), Some("leg_left_5_link"));
+    assert_eq!(body.parts.left_sole.as_deref(), Some("leg_left_5_link"));
+}
+
+/// As PM01 of EngineAI: a ball of a gram marks the ankle's lower end, the foot is a mesh.
+#[test]
+fn a_ball_that_marks_a_point_is_no_foot() {
+    let marker = |rig: Rig, side: &str, _: f64| {
+        let ankle = format!("{side}_ankle_roll_link");
+        rig.joint("fixed", &format!("{side}_end"), &ankle, "0.017 0 -0.046", "")
+    };
+    let mesh = "<visual><geometry><mesh filename=\"foot.obj\"/></geometry></visual>";
+    let ball = "<visual><geometry><sphere radius=\"0.02\"/></geometry></visual>";
+    let drawn = ["left", "right"].iter().fold(two_legs(marker).urdf(), |urdf, side| {
+        let link = |part: &str| format!("<link name=\"{side}_{part}_link\">");
+        let urdf = without_mass(urdf, format!("{side}_end_link"));
+        let urdf = urdf.replace(&link("end"), &format!("{}{ball}", link("end")));
+        urdf.replace(&link("ankle_roll"), &format!("{}{mesh}", link("ankle_roll")))
+    });
+    let corners = |_: &str| {
+        let corner = |x: f64| [-0.04, 0.04].map(|y| [x, y, -0.06]);
+        [corner(-0.06), corner(0.14)].concat()
+    };
+    let config = draft_config(&drawn, DraftOptions::default(), &corners).unwrap().config;
+    assert!((config.sole_m[0] - 0.19).abs() < 1e-3, "{:?}", config.sole_m);
+}

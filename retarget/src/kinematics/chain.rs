@@ -14,8 +14,12 @@ use k::nalgebra::{Isometry3, Matrix3, Point3, Translation3, Unit, UnitQuaternion
 
 use crate::config::{CapsuleConfig, RetargetConfig, RetargetError, RodConfig, Tip, choices};
 use crate::description::{Description, held_position, is_driven};
-use crate::kinematics::{Capsule, JointDrive, LinkShapes, MeshVisual, Platform, Rod, Visual};
+use crate::kinematics::{
+    Capsule, JointDrive, LinkShapes, MeshVisual, Platform, Rod, Shape, Visual,
+};
 
+/// A ball on a frame that weighs no more marks a point, kg.
+const MARKER_KG: f64 = 2e-3;
 const PLACEHOLDER_NM: f64 = 1000.0;
 
 #[derive(Clone, Copy, Debug)]
@@ -248,8 +252,15 @@ impl RobotModel {
         self.driven_ancestors[link].last().map_or(0, |ancestor| ancestor.link)
     }
 
+    /// What is drawn and what can touch, without the balls that mark points.
     pub(crate) fn all_shapes(&self) -> impl Iterator<Item = &Visual> {
-        self.shapes.solids.iter().chain(&self.shapes.visuals)
+        let is_marker = |visual: &Visual| {
+            let is_ball = matches!(visual.shape, Shape::Sphere { .. });
+            let is_fixed = self.last_driven(visual.link) != visual.link;
+            is_ball && is_fixed && self.links[visual.link].mass_kg < MARKER_KG
+        };
+        let visuals = self.shapes.visuals.iter().filter(move |visual| !is_marker(visual));
+        self.shapes.solids.iter().chain(visuals)
     }
 
     pub(crate) fn add_tips(&mut self, tips: &[Tip]) -> Result<(), RetargetError> {

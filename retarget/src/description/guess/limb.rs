@@ -15,6 +15,10 @@ pub(super) const FINGER_SHARE: f64 = 0.35;
 const ANKLE_SHARE: f64 = 0.35;
 /// A foot reaches as far down as its toes, within this share of the leg.
 const LEVEL_SHARE: f64 = 0.02;
+/// Toes begin within this share of the leg from the foot that carries them.
+const TOES_SHARE: f64 = 0.4;
+/// Joints within this share of a limb are at one place: a ball joint.
+const BALL_SHARE: f64 = 0.01;
 /// So many joints that slide, one after the other, are a telescope.
 const TELESCOPE: usize = 2;
 
@@ -153,6 +157,9 @@ impl LinkTree<'_> {
         }
         let leg = self.at(foot) - self.at(start);
         let length = leg.norm();
+        if (self.at(link) - self.at(foot)).norm() > TOES_SHARE * length {
+            return false;
+        }
         let reach = |link: usize| {
             let corners = corners_of(self, link);
             let along = corners.iter().map(|corner| (corner - self.at(start)).dot(&leg) / length);
@@ -189,6 +196,7 @@ impl LinkTree<'_> {
     /// A fixed child whose name says that it is the limb's end.
     fn named_end(&self, link: usize, kind: LimbKind) -> Option<usize> {
         let far = |child: &usize| (self.at(*child) - self.at(link)).norm();
+        let of_one_finger = |child: usize| kind == LimbKind::Arm && self.words[child].is_finger();
         let named = |names: &'static [&'static str]| {
             // Of a human's limbs only what hangs right there: an end further out is a tool.
             let fixed = match kind {
@@ -199,6 +207,7 @@ impl LinkTree<'_> {
                 .into_iter()
                 .filter(move |&child| !self.is_moved(child))
                 .filter(move |&child| self.words[child].has(names))
+                .filter(move |&child| !of_one_finger(child))
                 .filter(|child| far(child) > 1e-3)
         };
         let farthest = |names| named(names).max_by(|a, b| far(a).total_cmp(&far(b)));
@@ -249,6 +258,7 @@ impl LinkTree<'_> {
             // One segment: the limb's end takes the middle's place.
             found.top = Some(self.top(&moved[..1], end).unwrap_or(first));
             found.end = Some(last);
+            found.sole = (kind == LimbKind::Leg).then_some(last);
             return found;
         };
         let above: Vec<usize> = moved.iter().copied().take_while(|&l| l != middle).collect();
@@ -289,8 +299,15 @@ impl LinkTree<'_> {
         if length < 1e-3 {
             return None;
         }
+        // Of a hip's joints at one place none is a knee, however far down the leg they are.
+        let at_one_place = |i: usize| {
+            let bend = i + 1 < moved.len() && !self.twists(moved[i], end);
+            bend && along[i + 1] - along[i] < BALL_SHARE * length
+        };
+        let in_ball = |i: usize| kind == LimbKind::Leg && (at_one_place(i) || at_one_place(i - 1));
         (1..moved.len())
             .filter(|&i| (0.2..0.8).contains(&(along[i] / length)))
+            .filter(|&i| !in_ball(i))
             .filter(|&i| !self.twists(moved[i], end))
             .min_by(|&a, &b| {
                 let off = |i: usize| (along[i] / length - 0.5).abs();

@@ -54,11 +54,11 @@ pub(super) fn mirrored_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
     let none = [None, None];
     match &pairs[..] {
         [] => [none, none],
-        [only] => match stands(body, only.0, up) {
+        [only] => match stand(body, only, up) {
             true => [none, sided(only)],
             false => [sided(only), none],
         },
-        [legs, .., arms] if stands(body, legs.0, up) => [sided(arms), sided(legs)],
+        [legs, .., arms] if stand(body, legs, up) => [sided(arms), sided(legs)],
         [.., arms] => [sided(arms), none],
     }
 }
@@ -73,31 +73,43 @@ fn is_finger(body: &LinkTree, start: usize) -> bool {
     body.turning(&carried) >= ARM_JOINTS && length_m < FINGER_SHARE * body.way_m(carrier)
 }
 
-/// Whether a chain has the joints of a leg and hangs below its beginning.
-fn stands(body: &LinkTree, start: usize, up: usize) -> bool {
-    let down = body.at(start) - body.end(start);
-    1 + body.moved_below(start) >= 5 && down[up] > 0.7 * down.norm()
+/// Whether two chains have the joints of a leg and hang below their beginnings.
+fn stand(body: &LinkTree, &(one, other, _): &(usize, usize, usize), up: usize) -> bool {
+    [one, other].into_iter().all(|start| {
+        let down = body.at(start) - body.end(start);
+        1 + body.moved_below(start) >= 5 && down[up] > 0.7 * down.norm()
+    })
 }
 
-/// The axis across which two chains mirror each other, if they do.
+/// The axis across which two chains mirror each other, if they do: where they are, or where
+/// they begin and how long each of their segments is (one arm hangs, the other is held out).
 fn mirror_axis(body: &LinkTree, one: usize, other: usize) -> Option<usize> {
-    let paths = [one, other].map(|start| body.path(start, LimbKind::Arm));
-    let [first, second] = &paths;
-    if first.len() != second.len() || 1 + body.moved_below(one) < 2 {
+    let [a, b] = [one, other].map(|start| {
+        let path = body.path(start, LimbKind::Arm);
+        path.into_iter().map(|link| body.at(link)).collect::<Vec<_>>()
+    });
+    if a.len() != b.len() || 1 + body.moved_below(one) < 2 {
         return None;
     }
-    let points = |path: &[usize]| path.iter().map(|&l| body.at(l)).collect::<Vec<_>>();
-    let (a, b) = (points(first), points(second));
     let size = a.iter().chain(&b).map(|p| (p - a[0]).norm()).fold(0.0, f64::max);
-    (0..3).find(|&axis| {
-        let apart =
-            (a[0][axis] - b[0][axis]).abs().max((a[a.len() - 1] - b[b.len() - 1])[axis].abs());
+    let near = 0.05 * size + 1e-4;
+    let begin = |axis: usize| (a[0][axis] - b[0][axis]).abs();
+    let mirrors = |axis: usize| {
+        let apart = begin(axis).max((a[a.len() - 1] - b[b.len() - 1])[axis].abs());
         let mirrored = |p: &Point3<f64>, q: &Point3<f64>| {
             let mut sum: Vector3<f64> = p.coords - q.coords;
             // Positions across add up to the same for every pair of points.
             sum[axis] = p[axis] + q[axis] - (a[0][axis] + b[0][axis]);
-            sum.norm() < 0.05 * size + 1e-4
+            sum.norm() < near
         };
         apart > 0.05 * size && a.iter().zip(&b).all(|(p, q)| mirrored(p, q))
-    })
+    };
+    let steps = |points: &[Point3<f64>]| {
+        let pairs = points.windows(2).map(|pair| (pair[1] - pair[0]).norm());
+        pairs.collect::<Vec<f64>>()
+    };
+    let alike =
+        a.len() > ARM_JOINTS && steps(&a).iter().zip(steps(&b)).all(|(p, q)| (p - q).abs() < near);
+    let begins = |axis: usize| begin(axis) > near && (0..3).all(|o| o == axis || begin(o) < near);
+    (0..3).find(|&axis| mirrors(axis)).or_else(|| (0..3).find(|&axis| alike && begins(axis)))
 }

@@ -261,7 +261,7 @@ fn find_head(body: &LinkTree, chest: usize, in_limb: &impl Fn(usize) -> bool) ->
         let short: Vec<usize> = moving()
             .filter(|&l| body.model.is_below(l, chest) && l != chest)
             .filter(|&l| body.words[l].side().is_none() && !body.words[l].is_wheel())
-            .filter(|&l| body.moved_below(l) == 0)
+            .filter(|&l| !body.words[l].is_trunk() && body.moved_below(l) == 0)
             .filter(|&l| body.model.drives_above(l) - body.model.drives_above(chest) <= 3)
             .collect();
         // Many short chains and no limb are fingers.

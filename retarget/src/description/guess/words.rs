@@ -19,6 +19,7 @@ pub(crate) const ANKLE: &[&str] = &["ankle", "ank"];
 pub(crate) const SOLE: &[&str] = &["sole", "foot", "toe", "toes"];
 pub(crate) const TOES: &[&str] = &["toe", "toes"];
 pub(crate) const HEAD: &[&str] = &["head", "skull", "neck"];
+const TRUNK: &[&str] = &["pelvis", "waist", "hips"];
 const ON_HEAD: &[&str] =
     &["eye", "eyes", "camera", "jaw", "mouth", "lid", "ear", "antenna", "lip", "brow"];
 const WHEEL: &[&str] = &["wheel", "wheels", "whl", "caster", "castor", "track", "roller"];
@@ -105,6 +106,10 @@ impl NameWords {
 
     pub fn is_head(&self) -> bool {
         self.has(HEAD) && !self.has(ON_HEAD)
+    }
+
+    pub fn is_trunk(&self) -> bool {
+        self.has(TRUNK)
     }
 
     pub fn is_wheel(&self) -> bool {
