@@ -85,10 +85,16 @@ def expand(source, folder, out):
     from xacro import substitution_args
 
     def found(package):
-        return str(next(at for at in sorted(folder.rglob(package)) if at.is_dir()))
+        at = next((at for at in sorted(folder.rglob(package)) if at.is_dir()), None)
+        if at is None:
+            raise FileNotFoundError(f"no package {package}")
+        return str(at)
 
     substitution_args._eval_find = found
-    out.write_text(xacro.process_file(str(source)).toprettyxml(indent=" "))
+    try:
+        out.write_text(xacro.process_file(str(source)).toprettyxml(indent=" "))
+    except xacro.XacroException as error:
+        print(f"{source}: {error}")
 
 
 def main():
