@@ -425,3 +425,21 @@ fn dance(wav: &Path, style: Option<&str>, seed: u64, seconds: f64) -> anyhow::Re
         GenerateRequest::plain(Some(wav.to_owned()), seconds, seed, style.map(Into::into));
     generate(&GenerateRequest { lookahead: 0.3, ..request })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two worlds in which the sensor comes 20 ms late, the floor slopes and gears have play.
+    #[test]
+    fn a_late_sensor_does_not_shake_a_robot_of_stiff_servos_over() {
+        let robot = Robot::load("lite22").unwrap();
+        let mass_kg = mass_kg(&robot).unwrap();
+        for dance in [9, 13] {
+            let options = options(DRAWN, dance, 6160, mass_kg).unwrap();
+            let trial = StandingTrial::new(&robot, options).unwrap();
+            let report = trial.run(&standing().frames(), |_, _, _| ()).unwrap();
+            assert_eq!(report.fell_s, None, "dance {dance}: {report:?}");
+        }
+    }
+}
