@@ -135,7 +135,7 @@ impl Default for TaskWeights {
             tip: 0.8,
             torso: 2.0,
             head: 0.6,
-            posture: 0.02,
+            posture: 0.05,
             damping: 0.2,
         }
     }
