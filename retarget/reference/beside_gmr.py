@@ -18,6 +18,7 @@ frame (20 a second, no interpolation), rad/s^3; time a frame, milliseconds.
 import argparse
 import csv
 import json
+import re
 import subprocess
 import sys
 import tempfile
@@ -109,6 +110,8 @@ def by_servodance(program, clip, frames, stance):
     with tempfile.TemporaryDirectory() as place:
         robot, out = Path(place) / "g1.toml", Path(place) / "dance.csv"
         text = (CONFIGS / "g1.toml").read_text()
+        if stance == "hung":  # its gains are for its balance
+            text = re.sub(r"\n\[retarget\.gain\](\n[a-z_]+ = [\d.]+)*", "", text)
         robot.write_text(text.replace('stance = "planted"', f'stance = "{stance}"'))
         robot.with_suffix(".urdf").write_text((CONFIGS / "g1.urdf").read_text())
         subprocess.run([program, "retarget", clip, "--robot", robot, "--out", out, "--quiet"], check=True)
