@@ -157,6 +157,94 @@ fn four_legs_in_a_diamond_are_a_quadruped() {
     assert_eq!(body.parts.left_hand.as_deref(), Some("leg_b_tip_link"));
 }
 
+/// A leg of three joints that begins at `at` of the base and ends `down` of its knee.
+fn insect_leg(rig: Rig, name: &str, at: &str, down: &str) -> Rig {
+    let part = |part: &str| format!("leg_{name}_{part}");
+    let link = |part: &str| format!("leg_{name}_{part}_link");
+    rig.joint("revolute", &part("coxa"), "base", at, Z)
+        .joint("revolute", &part("femur"), &link("coxa"), "0 0 -0.04", Y)
+        .joint("revolute", &part("tibia"), &link("femur"), "0 0 -0.06", Y)
+        .joint("fixed", &part("tip"), &link("tibia"), down, "")
+}
+
+/// As PhantomX: of six legs the first and last pairs dance, whichever way the body lies.
+#[test]
+fn six_legs_dance_as_four() {
+    let along = [("lf", 0.12, 0.06), ("rf", 0.12, -0.06), ("lm", 0.0, 0.1), ("rm", 0.0, -0.1)];
+    let places = along.into_iter().chain([("lr", -0.12, 0.06), ("rr", -0.12, -0.06)]);
+    for across in [false, true] {
+        let body = guess(&places.clone().fold(Rig::new(), |rig, (name, x, y)| {
+            let at = if across { format!("{} {x} 0", -y) } else { format!("{x} {y} 0") };
+            insect_leg(rig, name, &at, "0 0 -0.1")
+        }));
+        assert_eq!(
+            (body.kind, body.forward),
+            (BodyKind::Quadruped, ["x", "y"][usize::from(across)])
+        );
+        assert_eq!(body.parts.left_hand.as_deref(), Some("leg_lf_tip_link"));
+        assert_eq!(body.parts.right_ankle.as_deref(), Some("leg_rr_tip_link"));
+    }
+}
+
+/// As Pupper 3 exported from its drawing: at zero the right legs are turned by 90 degrees.
+#[test]
+fn four_legs_by_name_need_not_stand_at_zero() {
+    let places = [("front_l", "0.1 0.1"), ("front_r", "0.1 -0.1"), ("back_l", "-0.1 0.1")];
+    let places = places.into_iter().chain([("back_r", "-0.1 -0.1")]);
+    let body = guess(&places.fold(Rig::new(), |rig, (name, xy)| {
+        let down = if name.ends_with('r') { "0 0 -0.15" } else { "0 0.15 0" };
+        insect_leg(rig, name, &format!("{xy} 0"), down)
+    }));
+    assert_eq!((body.kind, body.forward), (BodyKind::Quadruped, "x"));
+    assert_eq!(body.parts.left_hand.as_deref(), Some("leg_front_l_tip_link"));
+    assert_eq!(body.parts.right_ankle.as_deref(), Some("leg_back_r_tip_link"));
+}
+
+/// A chain of six joints whose names say no more than `prefix`.
+fn plain_arm(rig: Rig, prefix: &str, at: &str) -> Rig {
+    let mut last = "base".to_owned();
+    [Z, Y, Z, Y, Z, Y].iter().enumerate().fold(rig, |rig, (index, axis)| {
+        let name = format!("{prefix}joint{}", index + 1);
+        let origin = if index == 0 { at } else { "0 0 0.14" };
+        let rig = rig.joint("revolute", &name, &last, origin, axis);
+        last = format!("{name}_link");
+        rig
+    })
+}
+
+/// As a pair of xArms: names say which is the left one, so the robot looks the other way.
+#[test]
+fn sides_of_chains_alike_are_as_their_names_say() {
+    let body = guess(&plain_arm(plain_arm(Rig::new(), "L_", "0 0 0.1"), "R_", "0 1 0.1"));
+    assert_eq!((body.kind, body.forward), (BodyKind::UpperBody, "-x"));
+    assert!(body.parts.left_elbow.is_some_and(|link| link.starts_with("L_")));
+}
+
+/// As HSR: the fingers of one hand are called left and right, and a camera looks at them.
+#[test]
+fn fingers_of_two_joints_are_no_arms() {
+    let mut rig = plain_arm(Rig::new(), "arm_", "0 0 0.1");
+    rig = rig.joint("fixed", "hand_palm", "arm_joint6_link", "0 0 0.06", "");
+    rig = rig.joint("fixed", "hand_camera", "arm_joint6_link", "0.05 0 0.08", "");
+    for (side, y) in [("l", 0.02), ("r", -0.02)] {
+        let part = |part: &str| format!("hand_{side}_{part}");
+        rig = rig
+            .joint("revolute", &part("proximal"), "hand_palm_link", &format!("0 {y} 0"), X)
+            .joint(
+                "revolute",
+                &part("distal"),
+                &format!("hand_{side}_proximal_link"),
+                "0 0 0.04",
+                X,
+            )
+            .joint("fixed", &part("tip"), &format!("hand_{side}_distal_link"), "0 0 0.03", "");
+    }
+    let rig = rig.joint("revolute", "head_pan", "base", "0 0 0.9", Z);
+    let body = guess(&rig.joint("revolute", "head_tilt", "head_pan_link", "0 0 0.02", Y));
+    assert_eq!(body.kind, BodyKind::Arm);
+    assert_eq!(body.parts.left_hand.as_deref(), Some("hand_palm_link"));
+}
+
 /// As ToddlerBot: gears turn and rods swing beside the knee, after three joints of the hip.
 #[test]
 fn gears_beside_a_knee_do_not_end_the_leg() {

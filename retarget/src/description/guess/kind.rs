@@ -52,14 +52,30 @@ pub(super) fn four_legs(body: &LinkTree) -> Option<FourLegs> {
             .filter(|&link| !body.words[link].is_wheel() && !body.words[link].is_head())
             .filter(|&link| body.turning(&body.path(link, LimbKind::Paw)) >= 2)
             .collect();
-        // More chains than four: the ones that end lowest (an arm on the back does not).
-        let mut starts: Vec<(f64, usize)> =
-            starts.into_iter().map(|link| (body.end(link).z, link)).collect();
-        starts.sort_by(|a, b| a.0.total_cmp(&b.0));
-        starts.truncate(4);
-        let starts: Vec<usize> = starts.into_iter().map(|(_, link)| link).collect();
-        rectangle(body, &starts)
+        rectangle(body, &lowest_four(body, starts))
     })
+}
+
+/// Of more chains than four those that end lowest (an arm on the back does not); of six legs
+/// alike the first and last pairs.
+fn lowest_four(body: &LinkTree, mut starts: Vec<usize>) -> Vec<usize> {
+    starts.sort_by(|&a, &b| body.end(a).z.total_cmp(&body.end(b).z));
+    let length_m = |link: usize| (body.end(link) - body.at(link)).norm();
+    let level = |a: usize, b: usize| (body.end(a).z - body.end(b).z).abs() < 0.01 * length_m(a);
+    if starts.len() == 6 && level(starts[0], starts[5]) {
+        // Along the body the middle pair begins between the others.
+        for axis in 0..2 {
+            let along = |link: usize| body.at(link)[axis];
+            starts.sort_by(|&a, &b| along(a).total_cmp(&along(b)));
+            let apart = |a: usize, b: usize| along(starts[b]) - along(starts[a]);
+            if apart(2, 3) < 0.1 * apart(0, 5) {
+                starts.drain(2..4);
+                break;
+            }
+        }
+    }
+    starts.truncate(4);
+    starts
 }
 
 fn rectangle(body: &LinkTree, starts: &[usize]) -> Option<FourLegs> {
@@ -76,26 +92,31 @@ fn rectangle(body: &LinkTree, starts: &[usize]) -> Option<FourLegs> {
     };
     let level = span(&begins, 2) < 0.25 * length && span(&ends, 2) < 0.25 * length;
     let corners = (0..2).all(|axis| span(&begins, axis) > 0.2 * length);
-    // Arms begin above legs, not before them; fingers lie in one row.
-    if !alike || !level || !corners || length < 1e-3 {
-        return None;
-    }
     let word = |link: usize, any: &[&str]| body.words[link].has(any);
     let front = |link: usize| word(link, &["front", "fore"]);
     let hind = |link: usize| word(link, &["hind", "rear", "back"]);
+    let is_leg = |link: usize| body.words[link].is_leg();
+    // Zero may be no pose to stand in: names of legs and corners tell, too.
+    let by_names = starts.iter().all(|&link| is_leg(link) && (front(link) != hind(link)));
+    // Arms begin above legs, not before them; fingers lie in one row.
+    if !alike || !(level || by_names) || !corners || length < 1e-3 {
+        return None;
+    }
     let mean = |pick: &dyn Fn(usize) -> bool| {
         let picked = (0..4).filter(|&leg| pick(starts[leg])).map(|leg| begins[leg].coords);
         let picked: Vec<Vector3<f64>> = picked.collect();
         (picked.len() == 2).then(|| (picked[0] + picked[1]) * 0.5)
     };
-    let seen = mean(&front).zip(mean(&hind)).map(|(front, hind)| front - hind);
+    let middle = begins.iter().map(|at| at.coords).sum::<Vector3<f64>>() / 4.0;
+    let (ahead, behind) = (mean(&front), mean(&hind));
+    let seen = (ahead.is_some() || behind.is_some())
+        .then(|| ahead.unwrap_or(middle) - behind.unwrap_or(middle));
     let forward = match seen {
         Some(way) if way.x.abs() >= way.y.abs() => Vector3::x() * way.x.signum(),
         Some(way) => Vector3::y() * way.y.signum(),
         None => Vector3::x(),
     };
     let left = Vector3::z().cross(&forward);
-    let middle = begins.iter().map(|at| at.coords).sum::<Vector3<f64>>() / 4.0;
     let (ahead_of, left_of) = (forward + left * ASKEW, left - forward * ASKEW);
     let corner = |ahead: f64, side: f64| {
         let best = (0..4).max_by(|&a, &b| {
@@ -109,7 +130,7 @@ fn rectangle(body: &LinkTree, starts: &[usize]) -> Option<FourLegs> {
     };
     let found = [corner(1.0, 1.0)?, corner(1.0, -1.0)?, corner(-1.0, 1.0)?, corner(-1.0, -1.0)?];
     let distinct = (0..4).all(|a| (0..a).all(|b| found[a] != found[b]));
-    let named = starts.iter().all(|&link| body.words[link].is_leg() || front(link) || hind(link));
+    let named = starts.iter().all(|&link| is_leg(link) || front(link) || hind(link));
     distinct.then_some(FourLegs { starts: found, forward, named })
 }
 

@@ -10,7 +10,9 @@ use crate::kinematics::JointMotion;
 /// Axes nearer to a segment than this cosine twist it; others bend it.
 const TWIST: f64 = 0.8;
 /// Length of fingers against the way to the hand that carries them.
-pub(super) const FINGER_SHARE: f64 = 0.35;
+const FINGER_SHARE: f64 = 0.35;
+/// Joints between the root and a gripper.
+pub(super) const ARM_JOINTS: usize = 4;
 /// Joints of an ankle are this near to the last one, of the way from the knee to the last.
 const ANKLE_SHARE: f64 = 0.35;
 /// A foot reaches as far down as its toes, within this share of the leg.
@@ -61,6 +63,16 @@ impl LinkTree<'_> {
     pub fn end(&self, start: usize) -> Point3<f64> {
         let path = self.path(start, LimbKind::Arm);
         self.at(path.last().copied().unwrap_or(start))
+    }
+
+    /// Whether a chain is short beside the one that carries it, as at the end of an arm.
+    pub fn is_finger(&self, start: usize) -> bool {
+        let carrier = self.carrier(start);
+        let carried: Vec<usize> = self.model.ancestors(carrier).collect();
+        let path = self.path(start, LimbKind::Arm);
+        let end = path.last().copied().unwrap_or(start);
+        let length_m = self.way_m(end) - self.way_m(start);
+        self.turning(&carried) >= ARM_JOINTS && length_m < FINGER_SHARE * self.way_m(carrier)
     }
 
     /// Whether a chain begins as a telescope: a tool at its end is no limb.
@@ -207,7 +219,7 @@ impl LinkTree<'_> {
                 .into_iter()
                 .filter(move |&child| !self.is_moved(child))
                 .filter(move |&child| self.words[child].has(names))
-                .filter(move |&child| !of_one_finger(child))
+                .filter(move |&child| !of_one_finger(child) && !self.words[child].is_camera())
                 .filter(|child| far(child) > 1e-3)
         };
         let farthest = |names| named(names).max_by(|a, b| far(a).total_cmp(&far(b)));

@@ -2,11 +2,8 @@
 
 use k::nalgebra::{Point3, Vector3};
 
-use super::limb::{FINGER_SHARE, LimbKind};
+use super::limb::{ARM_JOINTS, LimbKind};
 use super::link_tree::LinkTree;
-
-/// Joints between the root and a gripper.
-const ARM_JOINTS: usize = 4;
 
 /// First moving links of `[arms, legs]`, each `[left, right]`, by geometry
 /// alone; z is taken as up unless the chains lie across it.
@@ -23,7 +20,7 @@ pub(super) fn mirrored_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
             .iter()
             .copied()
             .filter(|&start| alike(start) < 3 && joints(start) >= 2)
-            .filter(|&start| !is_finger(body, start))
+            .filter(|&start| !body.is_finger(start))
             .collect();
         for (index, &one) in starts.iter().enumerate() {
             for &other in &starts[index + 1..] {
@@ -45,7 +42,11 @@ pub(super) fn mirrored_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
     // Left is y where forward is x, and -x where forward is y.
     let sign = if lateral == 0 { -1.0 } else { 1.0 };
     let sided = |pair: &(usize, usize, usize)| {
-        let first_is_left = sign * (body.end(pair.0)[lateral] - body.end(pair.1)[lateral]) > 0.0;
+        let by_place = sign * (body.end(pair.0)[lateral] - body.end(pair.1)[lateral]) > 0.0;
+        let first_is_left = match [pair.0, pair.1].map(|start| body.words[start].side()) {
+            [Some(one), Some(other)] if one != other => one < other,
+            _ => by_place,
+        };
         match first_is_left {
             true => [Some(pair.0), Some(pair.1)],
             false => [Some(pair.1), Some(pair.0)],
@@ -61,16 +62,6 @@ pub(super) fn mirrored_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
         [legs, .., arms] if stand(body, legs, up) => [sided(arms), sided(legs)],
         [.., arms] => [sided(arms), none],
     }
-}
-
-/// Whether a chain is short beside the one that carries it, as at the end of an arm.
-fn is_finger(body: &LinkTree, start: usize) -> bool {
-    let carrier = body.carrier(start);
-    let carried: Vec<usize> = body.model.ancestors(carrier).collect();
-    let path = body.path(start, LimbKind::Arm);
-    let end = path.last().copied().unwrap_or(start);
-    let length_m = body.way_m(end) - body.way_m(start);
-    body.turning(&carried) >= ARM_JOINTS && length_m < FINGER_SHARE * body.way_m(carrier)
 }
 
 /// Whether two chains have the joints of a leg and hang below their beginnings.

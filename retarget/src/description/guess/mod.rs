@@ -119,7 +119,9 @@ fn human_like(body: &LinkTree) -> Anatomy {
     let telescope =
         arms.iter().flatten().any(|&arm| body.is_telescope(&body.path(arm, LimbKind::Arm)));
     let stub = turning.iter().all(|joints| *joints < 2);
-    if (stub && (alone || arms.iter().any(is_hand))) || (alone && telescope) {
+    let is_finger = |arm: &usize| !body.words[*arm].is_upper_arm() && body.is_finger(*arm);
+    let fingers = arms.iter().flatten().all(is_finger);
+    if fingers || (stub && (alone || arms.iter().any(is_hand))) || (alone && telescope) {
         *arms = [None; 2];
     }
     // Only a head shows arms by its antennas.

@@ -120,6 +120,10 @@ impl NameWords {
         self.has(CASTER)
     }
 
+    pub fn is_camera(&self) -> bool {
+        self.has(&["camera", "cam"])
+    }
+
     pub fn is_finger(&self) -> bool {
         self.has(FINGER)
     }
