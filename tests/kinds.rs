@@ -24,8 +24,14 @@ fn table_arm() -> Rig {
 /// Four legs of three joints; `names` of the corners front left, front right, hind left,
 /// hind right.
 fn four_legged(names: [&str; 4]) -> Rig {
+    legs_at(names, [0.2, 0.1])
+}
+
+/// The same with legs that begin so far ahead and aside of the middle, metres.
+fn legs_at(names: [&str; 4], [ahead, aside]: [f64; 2]) -> Rig {
     let mut rig = Rig::new();
-    for (name, (x, y)) in names.iter().zip([(0.2, 0.1), (0.2, -0.1), (-0.2, 0.1), (-0.2, -0.1)]) {
+    let corners = [(ahead, aside), (ahead, -aside), (-ahead, aside), (-ahead, -aside)];
+    for (name, (x, y)) in names.iter().zip(corners) {
         let part = |part: &str| format!("{name}_{part}");
         let link = |part: &str| format!("{name}_{part}_link");
         rig = rig
@@ -112,6 +118,21 @@ fn a_fallen_quadruped_is_not_drafted() {
     new_robot(&urdf, &out, false, DraftOptions::default(), &trial_dance(), &dances).unwrap();
     let robot = Robot::load(&out.display().to_string()).unwrap();
     assert!(robot.retarget.stance.stands(), "it falls in its world");
+}
+
+/// As Mors and Pupper: with all of its movement it would slip or tip, with a part it dances.
+#[test]
+fn a_quadruped_that_cannot_stand_all_dances_less() {
+    let folder = tempfile::tempdir().unwrap();
+    let urdf = folder.path().join("dog.urdf");
+    std::fs::write(&urdf, legs_at(["a", "b", "c", "d"], [0.12, 0.04]).urdf()).unwrap();
+    let out = folder.path().join("dog.toml");
+    let dances = [TrialDance { clip: trial_dance(), wild: false }];
+    new_robot(&urdf, &out, false, DraftOptions::default(), &trial_dance(), &dances).unwrap();
+    let robot = Robot::load(&out.display().to_string()).unwrap();
+    assert!(robot.retarget.stance.stands(), "it falls in its world");
+    let torso = robot.retarget.gain.torso;
+    assert!((0.1..0.9).contains(&torso), "{torso} of the trunk's movement");
 }
 
 #[test]

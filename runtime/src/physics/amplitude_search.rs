@@ -3,7 +3,7 @@
 use std::fmt;
 
 use servodance_model::motion::Clip;
-use servodance_retarget::RetargetConfig;
+use servodance_retarget::{BodyKind, RetargetConfig};
 use servodance_sim::world::WorldOptions;
 
 use super::servo_loop::ServoVariation;
@@ -14,12 +14,14 @@ use crate::robot::Robot;
 /// Shares of the pelvis's movement that are tried. From 0.3 to 1 there is nothing: what stood
 /// there in these dances fell in others.
 const PELVIS: [f64; 3] = [1.0, 0.3, 0.0];
+/// Shares of the trunk's movement over four feet: with none of it nothing moves.
+const TRUNK: [f64; 4] = [1.0, 0.6, 0.3, 0.15];
 /// Of `arm_zmp_limit`: the arms give way in wild stretches before they do everywhere.
 const LIMITS: [f64; 11] = [0.6, 0.5, 0.45, 0.4, 0.35, 0.3, 0.25, 0.2, 0.15, 0.1, 0.05];
 /// Of the arms, where none of those limits is enough.
 const ARMS: [f64; 4] = [0.85, 0.7, 0.55, 0.4];
 /// A robot that leans at most this share of its tipping angle beyond its plan has a margin
-/// for dances that it was not tried with. What stands on four feet need only not fall.
+/// for dances that it was not tried with.
 const MOST_LEAN: f64 = 0.6;
 /// Mean squared speed of arms, head and waist over what their limits allow: with more than
 /// `SPARE_ARMS` a smaller limit costs little and leaves the robot steadier; with less than
@@ -100,6 +102,9 @@ pub fn find_amplitude(
     sized: bool,
 ) -> anyhow::Result<Option<StandingAmplitude>> {
     let trials = Trials::new(robot, dances, sized)?;
+    if robot.retarget.kind == BodyKind::Quadruped {
+        return trials.on_four_feet();
+    }
     let mut without_margin = Vec::new();
     for pelvis in PELVIS {
         for shares in trials.shares(pelvis)? {
@@ -183,7 +188,7 @@ impl<'a> Trials<'a> {
         while first + 1 < limits.len() && self.arms_kept(limits[first + 1])? >= SPARE_ARMS {
             first += 1;
         }
-        // On four feet the limit holds nothing back.
+        // Without arms the limit holds nothing back.
         if self.arms_kept(limits[first])? == self.arms_kept(limits[0])? {
             first = 0;
         }
@@ -191,6 +196,17 @@ impl<'a> Trials<'a> {
             return Ok(vec![limits[first]]);
         }
         Ok(limits[first..].to_vec())
+    }
+
+    /// The largest share of the trunk's movement with which it does not fall.
+    fn on_four_feet(&self) -> anyhow::Result<Option<StandingAmplitude>> {
+        for trunk in TRUNK {
+            let found = self.stand(StandingShares::new(trunk, LIMITS[0], 1.0))?;
+            if found.is_some() {
+                return Ok(found);
+            }
+        }
+        Ok(None)
     }
 
     /// How it went; `None` if the robot fell.

@@ -9,7 +9,7 @@ use crate::robot::overrides::Overrides;
 use crate::robot::robot_file::RobotError;
 use crate::telemetry::JointSpans;
 use anyhow::bail;
-use servodance_retarget::{DiagnosticCode, Stance, rest_deg};
+use servodance_retarget::{BodyKind, DiagnosticCode, Stance, rest_deg};
 
 /// Baud rates and control rates that are tried until the servos fit.
 pub(super) const RATES: [(u32, f64); 5] = [
@@ -68,9 +68,15 @@ impl FilePlan<'_> {
             return Ok(());
         };
         shares.scale(config);
+        let shown = match config.kind {
+            BodyKind::Quadruped => {
+                format!("{:.0} % of the trunk's movement", shares.pelvis * 100.0)
+            }
+            _ => shares.to_string(),
+        };
         self.tried.push(format!(
             "in the simulated world (motors as strong as its masses ask for) it stands and dances \
-             with {shares}"
+             with {shown}"
         ));
         Ok(())
     }
