@@ -108,28 +108,27 @@ fn corners_are_known_by_name_and_by_place() {
     assert_eq!(body.parts.right_sole.as_deref(), Some("RR_end_link"));
 }
 
-#[test]
-fn a_fallen_quadruped_is_not_drafted() {
+/// Drafted by trying how much of a dance it stands in the simulated world.
+fn drafted_in_the_world(rig: &Rig) -> Robot {
     let folder = tempfile::tempdir().unwrap();
     let urdf = folder.path().join("dog.urdf");
-    std::fs::write(&urdf, four_legged(["a", "b", "c", "d"]).urdf()).unwrap();
+    std::fs::write(&urdf, rig.urdf()).unwrap();
     let out = folder.path().join("dog.toml");
     let dances = [TrialDance { clip: trial_dance(), wild: false }];
     new_robot(&urdf, &out, false, DraftOptions::default(), &trial_dance(), &dances).unwrap();
-    let robot = Robot::load(&out.display().to_string()).unwrap();
+    Robot::load(&out.display().to_string()).unwrap()
+}
+
+#[test]
+fn a_fallen_quadruped_is_not_drafted() {
+    let robot = drafted_in_the_world(&four_legged(["a", "b", "c", "d"]));
     assert!(robot.retarget.stance.stands(), "it falls in its world");
 }
 
 /// As Mors and Pupper: with all of its movement it would slip or tip, with a part it dances.
 #[test]
 fn a_quadruped_that_cannot_stand_all_dances_less() {
-    let folder = tempfile::tempdir().unwrap();
-    let urdf = folder.path().join("dog.urdf");
-    std::fs::write(&urdf, legs_at(["a", "b", "c", "d"], [0.12, 0.04]).urdf()).unwrap();
-    let out = folder.path().join("dog.toml");
-    let dances = [TrialDance { clip: trial_dance(), wild: false }];
-    new_robot(&urdf, &out, false, DraftOptions::default(), &trial_dance(), &dances).unwrap();
-    let robot = Robot::load(&out.display().to_string()).unwrap();
+    let robot = drafted_in_the_world(&legs_at(["a", "b", "c", "d"], [0.12, 0.04]));
     assert!(robot.retarget.stance.stands(), "it falls in its world");
     let torso = robot.retarget.gain.torso;
     assert!((0.1..0.9).contains(&torso), "{torso} of the trunk's movement");

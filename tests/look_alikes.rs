@@ -140,23 +140,6 @@ fn an_arm_begins_where_its_side_does() {
     assert_eq!(body.parts.right_elbow.as_deref(), Some("r_elb_y_link"));
 }
 
-/// As a spider with a leg ahead, one behind and one at each side.
-#[test]
-fn four_legs_in_a_diamond_are_a_quadruped() {
-    let places = [("a", "0.05 0"), ("b", "0 0.05"), ("c", "-0.05 0"), ("d", "0 -0.05")];
-    let body = guess(&places.iter().fold(Rig::new(), |rig, (name, xy)| {
-        let part = |part: &str| format!("leg_{name}_{part}");
-        let link = |part: &str| format!("leg_{name}_{part}_link");
-        rig.joint("revolute", &part("coxa"), "base", &format!("{xy} 0"), Z)
-            .joint("revolute", &part("femur"), &link("coxa"), "0 0 -0.04", Y)
-            .joint("revolute", &part("tibia"), &link("femur"), "0 0 -0.06", Y)
-            .joint("fixed", &part("tip"), &link("tibia"), "0 0 -0.1", "")
-    }));
-    assert_eq!((body.kind, body.forward), (BodyKind::Quadruped, "x"));
-    assert_eq!(body.parts.right_hand.as_deref(), Some("leg_a_tip_link"));
-    assert_eq!(body.parts.left_hand.as_deref(), Some("leg_b_tip_link"));
-}
-
 /// A leg of three joints that begins at `at` of the base and ends `down` of its knee.
 fn insect_leg(rig: Rig, name: &str, at: &str, down: &str) -> Rig {
     let part = |part: &str| format!("leg_{name}_{part}");
@@ -165,6 +148,19 @@ fn insect_leg(rig: Rig, name: &str, at: &str, down: &str) -> Rig {
         .joint("revolute", &part("femur"), &link("coxa"), "0 0 -0.04", Y)
         .joint("revolute", &part("tibia"), &link("femur"), "0 0 -0.06", Y)
         .joint("fixed", &part("tip"), &link("tibia"), down, "")
+}
+
+/// As a spider with a leg ahead, one behind and one at each side.
+#[test]
+fn four_legs_in_a_diamond_are_a_quadruped() {
+    let places = [("a", "0.05 0"), ("b", "0 0.05"), ("c", "-0.05 0"), ("d", "0 -0.05")];
+    let body =
+        guess(&places.iter().fold(Rig::new(), |rig, (name, xy)| {
+            insect_leg(rig, name, &format!("{xy} 0"), "0 0 -0.1")
+        }));
+    assert_eq!((body.kind, body.forward), (BodyKind::Quadruped, "x"));
+    assert_eq!(body.parts.right_hand.as_deref(), Some("leg_a_tip_link"));
+    assert_eq!(body.parts.left_hand.as_deref(), Some("leg_b_tip_link"));
 }
 
 /// As PhantomX: of six legs the first and last pairs dance, whichever way the body lies.

@@ -95,7 +95,8 @@ pub struct StandingAmplitude {
 /// The largest share of `dances` that the robot stands, in every world and with a margin those
 /// that are not wild. Of what leaves no margin, the largest with which the robot also stands the
 /// wild ones and their mirror images in every world; then the same with smaller arms, or else
-/// what the robot stands most steadily. `None` if the robot falls whatever it leaves out.
+/// what the robot stands most steadily. On four feet the trunk moves less. `None` if the robot
+/// falls whatever it leaves out.
 pub fn find_amplitude(
     robot: &Robot,
     dances: &[TrialDance],
