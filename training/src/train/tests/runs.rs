@@ -8,6 +8,7 @@ use super::{TINY, rng, settings};
 use crate::train::motionseq::nll::IGNORED;
 use crate::train::motionseq::training::{MotionSeqTraining, SeqBatch};
 use crate::train::vqvae::vqvae_weights::VqVaeWeights;
+use safetensors::SafeTensors;
 use servodance_model::vqvae::VqEncoder;
 use servodance_model::weights::Weights;
 
@@ -60,6 +61,27 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bytes() {
         go(&mut other, 12);
         assert!(other.weights() != straight.weights());
     }
+}
+
+#[test]
+fn fixed_codes_stay_to_the_bit_while_the_decoder_learns() {
+    let mut first = trainer(TrainedNetwork::VqVae, |_| ());
+    go(&mut first, 12);
+    let bytes = first.weights();
+    let mut settings = first.settings().clone();
+    settings.codebook.fixed = true;
+    let weights = VqVaeWeights::open(&bytes, "trained").unwrap();
+    let data = TrainingData::example;
+    let mut second = Trainer::new(settings.clone(), data(), Some(weights)).unwrap();
+    go(&mut second, 12);
+    let trained = second.weights();
+    let [before, after] = [&bytes, &trained].map(|b| SafeTensors::deserialize(b).unwrap());
+    for (name, tensor) in before.tensors() {
+        let same = tensor.data() == after.tensor(&name).unwrap().data();
+        assert_eq!(same, !name.starts_with("vq.decoder."), "{name}");
+    }
+    let refused = Trainer::new(settings, data(), None).map(|_| ()).unwrap_err().to_string();
+    assert!(refused.contains("stage_one"), "{refused}");
 }
 
 #[test]

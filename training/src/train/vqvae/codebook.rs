@@ -23,11 +23,14 @@ pub struct CodebookSettings {
     pub dead_below: f32,
     /// Rounds of k-means before the first use.
     pub k_means_rounds: usize,
+    /// Whether encoders and codes stay those that training begins with: the decoder alone learns,
+    /// and a MotionSeq that knows these codes stays valid.
+    pub fixed: bool,
 }
 
 impl Default for CodebookSettings {
     fn default() -> Self {
-        Self { decay: 0.98, dead_below: 0.5, k_means_rounds: 20 }
+        Self { decay: 0.98, dead_below: 0.5, k_means_rounds: 20, fixed: false }
     }
 }
 

@@ -8,6 +8,9 @@ use crate::train::layers::{
 };
 use servodance_model::config::{ModelConfig, part_channels};
 
+/// What the names of the encoders' parameters begin with.
+pub(crate) const ENCODERS: &str = "vq.encoder.";
+
 #[derive(Clone, Debug)]
 struct PartEncoder {
     /// Which of the 137 numbers it sees.
@@ -43,7 +46,7 @@ impl VqVaeNetwork {
         let mut encoders = Vec::new();
         for part in &config.parts {
             let channels = part_channels(part)?;
-            let name = |rest: &str| format!("vq.encoder.{part}.{rest}");
+            let name = |rest: &str| format!("{ENCODERS}{part}.{rest}");
             encoders.push(PartEncoder {
                 input: LinearLayer::new(make, &name("input"), channels.len(), widths.dim),
                 layers: (0..vq.encoder_layers)

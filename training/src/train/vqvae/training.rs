@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::codebook::{LearnedCodebook, usage};
 use super::loss::{MotionLoss, MotionLossTerms, displacements, joints};
-use super::network::{VqVaeNetwork, embed};
+use super::network::{ENCODERS, VqVaeNetwork, embed};
 use super::vqvae_weights::VqVaeWeights;
 use crate::dataset::clip_entry::Split;
 use crate::train::autodiff::parameters::{Parameters, normal};
@@ -80,8 +80,14 @@ impl VqVaeTraining {
             data,
             crops,
         };
-        if let Some(weights) = start {
-            training.start_from(weights)?;
+        let fixed = training.settings.codebook.fixed;
+        match start {
+            Some(weights) => training.start_from(weights)?,
+            None if fixed => {
+                let message = "codebook.fixed needs the weights that hold the codes: stage_one";
+                return Err(TrainError::Settings(message.into()));
+            }
+            None => (),
         }
         Ok(training)
     }
@@ -90,6 +96,9 @@ impl VqVaeTraining {
     fn start_from(&mut self, weights: &VqVaeWeights) -> Result<(), TrainError> {
         for parameter in self.parameters.iter_mut() {
             parameter.values = weights.floats(&parameter.name, parameter.values.len())?;
+            // Without a gradient, weight decay is all that would move them.
+            let learns = !self.settings.codebook.fixed || !parameter.name.starts_with(ENCODERS);
+            parameter.decays &= learns;
         }
         let run = &self.settings.run;
         let rows_of_a_code = (run.batch * run.length) as f32 / self.settings.model.codes as f32;
@@ -145,9 +154,11 @@ impl VqVaeTraining {
     ) -> BatchOutcome {
         let mut t = Tape::new(&self.parameters, std::mem::take(&mut self.buffers));
         let rate = self.settings.run.dropout;
-        let mut drop = Dropout { rate, rng };
+        let fixed = self.settings.codebook.fixed;
+        let mut drop = Dropout { rate: if fixed { 0.0 } else { rate }, rng };
         let normalised = self.loss.normalised(real);
         let latents = self.net.latents(&mut t, &normalised, batch, &mut drop);
+        drop.rate = rate;
         let mut seeds = Vec::new();
         let (mut commit, mut used) = (0.0, Vec::new());
         let codes = match with_codes {
@@ -158,11 +169,17 @@ impl VqVaeTraining {
                     let quantised = quantise(&t, *latent, book, &self.settings, batch, drop.rng);
                     commit += quantised.commit;
                     used.push(quantised.used);
-                    seeds.push((*latent, quantised.gradient));
+                    if !fixed {
+                        seeds.push((*latent, quantised.gradient));
+                    }
                     chosen.push(quantised.replacement);
                 }
                 let wide = self.books.iter().map(LearnedCodebook::dim).collect::<Vec<_>>();
-                t.straight_through(&latents, side_by_side(&chosen, &wide))
+                let codes = side_by_side(&chosen, &wide);
+                match fixed {
+                    true => t.constant(codes, wide.iter().sum()),
+                    false => t.straight_through(&latents, codes),
+                }
             }
         };
         let out = self.net.decode(&mut t, codes, batch, &mut drop);
@@ -224,7 +241,9 @@ fn quantise(
 ) -> QuantisedPart {
     let rows: Vec<f32> = real_rows(t, latent, batch).collect();
     let nearest = book.nearest(&rows);
-    book.update(&rows, &nearest, &settings.codebook, rng);
+    if !settings.codebook.fixed {
+        book.update(&rows, &nearest, &settings.codebook, rng);
+    }
     let dim = book.dim();
     let mut replacement = t.data(latent).to_vec();
     let mut gradient = vec![0.0; replacement.len()];
