@@ -16,8 +16,6 @@ const USUAL_FRAMES: f32 = 600.0;
 const LEAST_SPREAD_DB: f32 = 1.5;
 /// Size added for a loudness of one usual spread above the usual.
 const PER_SPREAD: f32 = 0.35;
-/// How much of its own changes of speed the dance loses: none at 0, all at 1.
-const EVENED: f32 = 0.5;
 /// A dancer who is slower than this stands, metres a frame.
 const LEAST_STEP_M: f32 = 1e-3;
 const SMALLEST: f32 = 0.5;
@@ -63,7 +61,7 @@ impl MotionSize {
         let spread_db = self.variance_db2.sqrt().max(LEAST_SPREAD_DB);
         let louder = (self.loudness_db.now - self.loudness_db.usual) / spread_db;
         let slower = (self.step_m.usual + LEAST_STEP_M) / (self.step_m.now + LEAST_STEP_M);
-        let size = slower.powf(EVENED * strength.min(1.0)) * (1.0 + PER_SPREAD * strength * louder);
+        let size = slower.powf(strength.min(1.0)) * (1.0 + PER_SPREAD * strength * louder);
         if strength > 0.0 { size.clamp(SMALLEST, LARGEST) } else { 1.0 }
     }
 }

@@ -4,8 +4,8 @@
 use crate::motion::representation::{JOINTS_AT, POSE_DIM, PoseVector, STEPS_AT};
 
 /// Share of the newest frame in what is shown, and in its speed.
-const ALPHA: f32 = 0.8;
-const BETA: f32 = 0.7;
+const ALPHA: f32 = 0.79;
+const BETA: f32 = 0.66;
 
 /// The motion that was shown last.
 #[derive(Clone, Copy, Debug, Default)]
