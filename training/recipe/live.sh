@@ -1,6 +1,6 @@
 #!/bin/sh
 # Makes model/weights/live.safetensors anew: `training/recipe/live.sh MOTION_DIR OUT`, a program
-# built with `--features train` in SERVODANCE. Three hours on two cores; a run that was stopped
+# built with `--features train` in SERVODANCE. Two and a half hours on two cores; a run that was stopped
 # goes on where it stopped.
 set -eu
 motion=$1 out=$2 recipe=$(dirname "$0") program=${SERVODANCE:-target/release/servodance}
