@@ -16,6 +16,9 @@
 //! although the host did nothing wrong: that one is judged by how many goals the host has
 //! sent since the last one that arrived, and by the time in which it did.
 //!
+//! A shaft that stood beyond a limit as torque came on (it coasted there, or a hand put it
+//! there) may come in; further out it must not go.
+//!
 //! Not judged: torque off, a shaft that something holds, the emergency stop of the servo's own
 //! watchdog, in a world the true motion while something pushes the robot or it has fallen, and
 //! in real time the true motion during and just after a time in which the machine kept the
@@ -81,6 +84,8 @@ pub struct JudgedTrack {
     last_s: f64,
     /// Goals whose acceleration is still measured across lost ones.
     across: u32,
+    /// How far beyond a limit it stood as torque came on, or has come in to since, radians.
+    beyond_rad: f64,
     /// The last one and the one before, radians; `None` while it is not judged.
     pub last: Option<(f64, f64)>,
     pub violations: Violations,
@@ -95,11 +100,13 @@ struct Span {
     passed: f64,
     /// How many periods the change of their velocity has.
     across: f64,
+    /// How far beyond a limit is no fault of the servo's, radians.
+    beyond_rad: f64,
 }
 
 impl Default for Span {
     fn default() -> Self {
-        Self { periods: 1.0, passed: 1.0, across: 1.0 }
+        Self { periods: 1.0, passed: 1.0, across: 1.0, beyond_rad: 0.0 }
     }
 }
 
@@ -129,6 +136,12 @@ impl Judge {
     pub fn begin(&mut self, goal_rad: f64, position_rad: f64) {
         self.goals.last = Some((goal_rad, goal_rad));
         self.motion.last = Some((position_rad, position_rad));
+        self.motion.beyond_rad = self.beyond_rad(position_rad);
+    }
+
+    fn beyond_rad(&self, position_rad: f64) -> f64 {
+        let limits = &self.limits;
+        (limits.lower_rad - position_rad).max(position_rad - limits.upper_rad).max(0.0)
     }
 
     /// Torque goes off: nothing is judged until the next [`Judge::begin`].
@@ -157,6 +170,7 @@ impl Judge {
             periods,
             passed: passed.clamp(1.0, periods),
             across: f64::from(self.goals.across.max(1)),
+            beyond_rad: 0.0,
         };
         self.goals.last_s = time_s;
         let broken = self.judge(self.goals.last, time_s, goal_rad, "was told", span);
@@ -170,7 +184,9 @@ impl Judge {
     }
 
     pub fn judge_motion(&mut self, time_s: f64, position_rad: f64) {
-        let broken = self.judge(self.motion.last, time_s, position_rad, "went", Span::default());
+        let span = Span { beyond_rad: self.motion.beyond_rad, ..Span::default() };
+        let broken = self.judge(self.motion.last, time_s, position_rad, "went", span);
+        self.motion.beyond_rad = self.motion.beyond_rad.min(self.beyond_rad(position_rad));
         self.motion.follow(position_rad, broken);
     }
 
@@ -186,7 +202,7 @@ impl Judge {
         time_s: f64,
         now_rad: f64,
         verb: &str,
-        Span { periods, passed, across }: Span,
+        Span { periods, passed, across, beyond_rad }: Span,
     ) -> Violations {
         let mut broken = Violations::default();
         let Some((last_rad, before_rad)) = last else {
@@ -194,7 +210,7 @@ impl Judge {
         };
         let limits = self.limits;
         let half = self.tick_rad / 2.0 + NOISE_RAD;
-        if now_rad < limits.lower_rad - half || now_rad > limits.upper_rad + half {
+        if self.beyond_rad(now_rad) > beyond_rad + half {
             broken.position = 1;
             let range = format!("{:.4} to {:.4} rad", limits.lower_rad, limits.upper_rad);
             self.note(time_s, verb, format!("to {now_rad:.4} rad, limit {range}"));
@@ -320,6 +336,29 @@ mod tests {
         };
         assert_eq!(moving_with_copies(0.1 * PERIOD_S).total(), 0);
         assert!(moving_with_copies(PERIOD_S).acceleration > 0, "a host that stands still");
+    }
+
+    #[test]
+    fn a_shaft_that_stood_outside_as_torque_came_on_may_come_in_and_not_go_out() {
+        let limits = JointLimits {
+            lower_rad: -1.0,
+            upper_rad: 1.0,
+            velocity_rad_s: 4.0,
+            acceleration_rad_s2: 40.0,
+        };
+        let judged = |positions: &[f64]| {
+            let mut judge = Judge::new("elbow", limits, PERIOD_S);
+            judge.begin(-1.0, positions[0]);
+            for (k, position) in positions.iter().enumerate() {
+                judge.judge_motion(k as f64 * PERIOD_S, *position);
+            }
+            judge.violations().position
+        };
+        assert_eq!(judged(&[-1.01, -1.01, -1.007, -1.004, -1.0, -0.998]), 0);
+        assert_eq!(judged(&[-1.01, -1.011]), 1, "further out");
+        assert_eq!(judged(&[-1.01, -1.004, -1.008]), 1, "out again");
+        assert_eq!(judged(&[-1.01, -0.999, -1.004]), 1, "inside, then out");
+        assert_eq!(judged(&[-0.999, -1.004]), 1, "it stood inside");
     }
 
     #[test]
