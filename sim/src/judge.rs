@@ -91,7 +91,7 @@ pub struct JudgedTrack {
     pub violations: Violations,
 }
 
-/// What lies between two positions, in control periods.
+/// What a position is judged by: what lies between it and the last one, in control periods.
 #[derive(Clone, Copy, Debug)]
 struct Span {
     /// How many steps of the host they are apart.
@@ -254,15 +254,15 @@ mod tests {
     use super::*;
 
     const PERIOD_S: f64 = 0.01;
+    const LIMITS: JointLimits = JointLimits {
+        lower_rad: -1.0,
+        upper_rad: 1.0,
+        velocity_rad_s: 4.0,
+        acceleration_rad_s2: 40.0,
+    };
 
     fn judged(goals: &[f64]) -> Violations {
-        let limits = JointLimits {
-            lower_rad: -1.0,
-            upper_rad: 1.0,
-            velocity_rad_s: 4.0,
-            acceleration_rad_s2: 40.0,
-        };
-        let mut judge = Judge::new("elbow", limits, PERIOD_S);
+        let mut judge = Judge::new("elbow", LIMITS, PERIOD_S);
         judge.begin(goals[0], goals[0]);
         for (k, goal) in goals.iter().enumerate().skip(1) {
             judge.judge_goal(k as f64 * PERIOD_S, *goal);
@@ -289,14 +289,8 @@ mod tests {
     #[test]
     fn goals_that_the_wire_lost_are_judged_by_how_many_they_were_and_the_time_that_passed() {
         let goals = run(40.0, 4.0);
-        let limits = JointLimits {
-            lower_rad: -1.0,
-            upper_rad: 1.0,
-            velocity_rad_s: 4.0,
-            acceleration_rad_s2: 40.0,
-        };
         let judged = |told: bool, stretch: f64| {
-            let mut judge = Judge::new("elbow", limits, PERIOD_S);
+            let mut judge = Judge::new("elbow", LIMITS, PERIOD_S);
             judge.begin(goals[0], goals[0]);
             for (k, goal) in goals.iter().enumerate().skip(1) {
                 if told {
@@ -316,14 +310,8 @@ mod tests {
 
     #[test]
     fn copies_of_a_goal_are_none_of_their_own_however_late_the_simulation_comes_to_them() {
-        let limits = JointLimits {
-            lower_rad: -1.0,
-            upper_rad: 1.0,
-            velocity_rad_s: 4.0,
-            acceleration_rad_s2: 40.0,
-        };
         let moving_with_copies = |copied_after_s: f64| {
-            let mut judge = Judge::new("elbow", limits, PERIOD_S);
+            let mut judge = Judge::new("elbow", LIMITS, PERIOD_S);
             judge.begin(0.0, 0.0);
             for (k, goal) in [0.004, 0.012, 0.024].into_iter().enumerate() {
                 let time_s = 3.0 * k as f64 * PERIOD_S;
@@ -340,14 +328,8 @@ mod tests {
 
     #[test]
     fn a_shaft_that_stood_outside_as_torque_came_on_may_come_in_and_not_go_out() {
-        let limits = JointLimits {
-            lower_rad: -1.0,
-            upper_rad: 1.0,
-            velocity_rad_s: 4.0,
-            acceleration_rad_s2: 40.0,
-        };
         let judged = |positions: &[f64]| {
-            let mut judge = Judge::new("elbow", limits, PERIOD_S);
+            let mut judge = Judge::new("elbow", LIMITS, PERIOD_S);
             judge.begin(-1.0, positions[0]);
             for (k, position) in positions.iter().enumerate() {
                 judge.judge_motion(k as f64 * PERIOD_S, *position);
@@ -379,7 +361,7 @@ mod tests {
             velocity_rad_s: 1.0,
             acceleration_rad_s2: 1.0,
         };
-        let mut judge = Judge::new("elbow", limits, PERIOD_S);
+        let mut judge = Judge::new("elbow", LIMITS, PERIOD_S);
         judge.judge_motion(0.0, 3.0);
         judge.begin(0.0, 0.0);
         judge.end();
