@@ -17,8 +17,8 @@ struct Tensor {
     data: Vec<u8>,
 }
 
-/// Tensors that nothing reads in a dance.
-const ENCODERS: &str = "vq.encoder.";
+/// What the names of the encoders' tensors begin with; a dance reads none of them.
+pub const ENCODERS: &str = "vq.encoder.";
 
 /// Which tensors a converted file keeps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

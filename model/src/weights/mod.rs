@@ -21,7 +21,7 @@ pub(crate) mod random;
 mod slab;
 pub mod tensor_file;
 
-pub use convert::{Keep, convert, convert_file};
+pub use convert::{ENCODERS, Keep, convert, convert_file};
 pub use dtype::Dtype;
 pub(crate) use dtype::{BLOCK, CHUNK, CHUNK_WORDS, q6_quant};
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::Path;
 
 use serde::Serialize;
-use servodance_model::weights::Weights;
+use servodance_model::weights::{ENCODERS, Weights};
 use servodance_model::{Codec, Generator, ModelError};
 
 /// What a weights file holds; serialised as the JSON of `weights info`.
@@ -31,9 +31,7 @@ impl WeightsInfo {
         let encoders = match Codec::from_bytes(&bytes, &name) {
             Ok(_) => true,
             // A file made for dancing alone.
-            Err(ModelError::MissingTensor { tensor, .. }) if tensor.starts_with("vq.encoder.") => {
-                false
-            }
+            Err(ModelError::MissingTensor { tensor, .. }) if tensor.starts_with(ENCODERS) => false,
             Err(error) => return Err(error.into()),
         };
         Ok(Self {

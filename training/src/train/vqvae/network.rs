@@ -7,9 +7,7 @@ use crate::train::layers::{
     Dropout, LayerNorm, LayerWidths, LinearLayer, ParamBuilder, TransformerLayer,
 };
 use servodance_model::config::{ModelConfig, part_channels};
-
-/// What the names of the encoders' parameters begin with.
-pub(crate) const ENCODERS: &str = "vq.encoder.";
+use servodance_model::weights::ENCODERS;
 
 #[derive(Clone, Debug)]
 struct PartEncoder {

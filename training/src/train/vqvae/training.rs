@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::codebook::{LearnedCodebook, usage};
 use super::loss::{MotionLoss, MotionLossTerms, displacements, joints};
-use super::network::{ENCODERS, VqVaeNetwork, embed};
+use super::network::{VqVaeNetwork, embed};
 use super::vqvae_weights::VqVaeWeights;
 use crate::dataset::clip_entry::Split;
 use crate::train::autodiff::parameters::{Parameters, normal};
@@ -18,6 +18,7 @@ use crate::train::network_training::{BatchOutcome, NamedValues, NetworkTraining}
 use crate::train::settings::TrainingSettings;
 use crate::train::tensors::{Numbers, Tensors, floats};
 use servodance_model::motion::representation::POSE_DIM;
+use servodance_model::weights::ENCODERS;
 
 const K_MEANS_BATCHES: usize = 12;
 /// A noisy code is one of so many nearest.
