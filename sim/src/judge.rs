@@ -355,12 +355,6 @@ mod tests {
 
     #[test]
     fn nothing_is_judged_without_torque() {
-        let limits = JointLimits {
-            lower_rad: -1.0,
-            upper_rad: 1.0,
-            velocity_rad_s: 1.0,
-            acceleration_rad_s2: 1.0,
-        };
         let mut judge = Judge::new("elbow", LIMITS, PERIOD_S);
         judge.judge_motion(0.0, 3.0);
         judge.begin(0.0, 0.0);
