@@ -579,3 +579,46 @@ fn a_ball_that_marks_a_point_is_no_foot() {
     let config = draft_config(&drawn, DraftOptions::default(), &corners).unwrap().config;
     assert!((config.sole_m[0] - 0.19).abs() < 1e-3, "{:?}", config.sole_m);
 }
+
+/// As InMoov, whose arms hang from a waist: the fingers of one hand begin at the corners of a
+/// rectangle and end level.
+#[test]
+fn fingers_of_a_hand_are_no_four_legs() {
+    let mut rig = Rig::new().joint("revolute", "waist_rotate", "base", "0 0 1.1", Z);
+    for (side, y) in [("left", 0.2), ("right", -0.2)] {
+        let part = |part: &str| format!("{side}_{part}");
+        let link = |part: &str| format!("{side}_{part}_link");
+        rig = rig
+            .joint(
+                "revolute",
+                &part("shoulder_side"),
+                "waist_rotate_link",
+                &format!("0 {y} 0.4"),
+                X,
+            )
+            .joint("revolute", &part("shoulder_up"), &link("shoulder_side"), "0 0 0", Y)
+            .joint("revolute", &part("bicep_rotate"), &link("shoulder_up"), "0 0 -0.1", Z)
+            .joint("revolute", &part("forearm"), &link("bicep_rotate"), "0 0 -0.2", Y)
+            .joint("revolute", &part("hand"), &link("forearm"), "0 0 -0.25", Z);
+        for (finger, x, y) in [
+            ("one", 0.03, 0.03),
+            ("two", 0.03, -0.03),
+            ("three", -0.03, 0.03),
+            ("four", -0.03, -0.03),
+        ] {
+            let knuckle = part(finger);
+            rig =
+                rig.joint("revolute", &knuckle, &link("hand"), &format!("{x} {y} -0.05"), Y).joint(
+                    "revolute",
+                    &format!("{knuckle}_tip"),
+                    &format!("{knuckle}_link"),
+                    "0 0 -0.04",
+                    Y,
+                );
+        }
+    }
+    let body = guess(&rig);
+    assert_eq!(body.kind, BodyKind::UpperBody);
+    assert_eq!(body.parts.left_elbow.as_deref(), Some("left_forearm_link"));
+    assert_eq!(body.parts.right_hand.as_deref(), Some("right_hand_link"));
+}

@@ -51,6 +51,7 @@ pub(super) fn four_legs(body: &LinkTree) -> Option<FourLegs> {
             .filter(|&link| body.is_moved(link) && body.carrier(link) == carrier)
             .filter(|&link| !body.words[link].is_wheel() && !body.words[link].is_head())
             .filter(|&link| body.turning(&body.path(link, LimbKind::Paw)) >= 2)
+            .filter(|&link| !body.is_finger(link))
             .collect();
         rectangle(body, &lowest_four(body, starts))
     })
