@@ -622,3 +622,81 @@ fn fingers_of_a_hand_are_no_four_legs() {
     assert_eq!(body.parts.left_elbow.as_deref(), Some("left_forearm_link"));
     assert_eq!(body.parts.right_hand.as_deref(), Some("right_hand_link"));
 }
+
+/// As Genie G1, whose names only count the joints: with its gripper, the arm's half is nearer to
+/// the wrist than to the elbow.
+#[test]
+fn a_gripper_beyond_the_wrist_does_not_move_the_elbow() {
+    let mut rig = Rig::new().joint("prismatic", "body_1", "base", "0 0 0.9", Z);
+    for (side, out) in [("l", 1.0), ("r", -1.0)] {
+        let joints = [(0.2, Y), (0.0, X), (0.305, Y), (0.0, Z), (0.2, Y), (0.0, Z), (0.18, Y)];
+        let mut last = "body_1_link".to_owned();
+        for (index, (along, axis)) in joints.iter().enumerate() {
+            let name = format!("arm_{side}_{}", index + 1);
+            rig = rig.joint("revolute", &name, &last, &format!("0 {} 0", along * out), axis);
+            last = format!("{name}_link");
+        }
+        let at = format!("0 {} 0", 0.15 * out);
+        rig = rig.joint("fixed", &format!("gripper_{side}"), &last, &at, "");
+    }
+    let body = guess(&rig);
+    assert_eq!(body.kind, BodyKind::UpperBody);
+    assert_eq!(body.parts.left_elbow.as_deref(), Some("arm_l_4_link"));
+    assert_eq!(body.parts.right_elbow.as_deref(), Some("arm_r_4_link"));
+}
+
+/// As Nextage Open: the hand's shape lies aside, so that the line to its end is not the forearm's.
+#[test]
+fn a_hand_that_lies_aside_does_not_bend_the_forearm() {
+    let mut rig = Rig::new().joint("revolute", "chest", "base", "0 0 0", Z);
+    for (side, y) in [("l", 0.15), ("r", -0.15)] {
+        let at = format!("0 {y} 0.37");
+        let joints = [
+            (at.as_str(), Z),
+            ("0 0 0", Y),
+            ("0 0 -0.26", Y),
+            ("-0.03 0 0", Z),
+            ("0 0 -0.23", Y),
+            ("-0.05 0 -0.09", X),
+        ];
+        let mut last = "chest_link".to_owned();
+        for (index, (at, axis)) in joints.iter().enumerate() {
+            let name = format!("{side}arm_joint{index}");
+            rig = rig.joint("revolute", &name, &last, at, axis);
+            last = format!("{name}_link");
+        }
+    }
+    let aside = |urdf: String, side: &str| {
+        with_box(&urdf, &format!("{side}arm_joint5_link"), "xyz=\"-0.25 0 0\"", "0.5 0.05 0.05")
+    };
+    let urdf = aside(aside(rig.urdf(), "l"), "r");
+    let body = guess_body(&urdf, &no_meshes).expect("an upper body");
+    assert_eq!(body.kind, BodyKind::UpperBody);
+    assert_eq!(body.parts.left_elbow.as_deref(), Some("larm_joint2_link"));
+    assert_eq!(body.parts.right_elbow.as_deref(), Some("rarm_joint2_link"));
+}
+
+/// As Xuanwu, whose names only count the joints: the hip's brackets go out and back again.
+#[test]
+fn brackets_of_a_hip_do_not_lengthen_the_thigh() {
+    let mut rig = Rig::new();
+    for (side, y) in [("1", 0.07), ("2", -0.07)] {
+        let joints = [
+            (format!("0 {y} 0"), Z),
+            ("-0.083 0 -0.11".into(), X),
+            ("0.083 0 0".into(), Y),
+            ("0 0 -0.18".into(), Y),
+            ("0 0 -0.18".into(), Y),
+        ];
+        let mut last = "base".to_owned();
+        for (index, (at, axis)) in joints.iter().enumerate() {
+            let name = format!("joint_{side}_{}", index + 1);
+            rig = rig.joint("revolute", &name, &last, at, axis);
+            last = format!("{name}_link");
+        }
+    }
+    let body = guess(&rig);
+    assert_eq!(body.kind, BodyKind::Biped);
+    assert_eq!(body.parts.left_knee.as_deref(), Some("joint_1_4_link"));
+    assert_eq!(body.parts.right_knee.as_deref(), Some("joint_2_4_link"));
+}

@@ -13,6 +13,8 @@ const TWIST: f64 = 0.8;
 const FINGER_SHARE: f64 = 0.35;
 /// Joints between the root and a gripper.
 pub(super) const ARM_JOINTS: usize = 4;
+/// Joints of an arm that has a wrist.
+const WHOLE_ARM: usize = 6;
 /// Joints of an ankle are this near to the last one, of the way from the knee to the last.
 const ANKLE_SHARE: f64 = 0.35;
 /// A foot reaches as far down as its toes, within this share of the leg.
@@ -282,7 +284,7 @@ impl LinkTree<'_> {
         found
     }
 
-    /// The elbow or knee: by name, else the bend nearest to half the length.
+    /// The elbow or knee: by name, else the bend whose shorter segment is the longest.
     fn middle(&self, moved: &[usize], end: Point3<f64>, kind: LimbKind) -> Option<usize> {
         let tiers: &[&[&str]] = match kind {
             LimbKind::Arm | LimbKind::Lone => &[ELBOW, FOREARM],
@@ -317,15 +319,18 @@ impl LinkTree<'_> {
             bend && along[i + 1] - along[i] < BALL_SHARE * length
         };
         let in_ball = |i: usize| kind == LimbKind::Leg && (at_one_place(i) || at_one_place(i - 1));
+        // A hand beyond six joints is no part of the forearm.
+        let wrist = match moved {
+            [.., last] if moved.len() >= WHOLE_ARM && kind != LimbKind::Leg => self.at(*last),
+            _ => end,
+        };
+        let shorter_m = |link: usize| apart(link).min((wrist - self.at(link)).norm());
         (1..moved.len())
             .filter(|&i| (0.2..0.8).contains(&(along[i] / length)))
             .filter(|&i| !in_ball(i))
-            .filter(|&i| !self.twists(moved[i], end))
-            .min_by(|&a, &b| {
-                let off = |i: usize| (along[i] / length - 0.5).abs();
-                off(a).total_cmp(&off(b))
-            })
             .map(|i| moved[i])
+            .filter(|&link| !self.twists(link, wrist))
+            .max_by(|&a, &b| shorter_m(a).total_cmp(&shorter_m(b)))
     }
 
     /// The joint that the upper segment turns about: the last that bends it.
