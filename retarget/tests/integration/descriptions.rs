@@ -318,3 +318,26 @@ fn the_world_of_mjcf_is_the_base_of_limbs_that_hang_from_it_by_one_joint() {
     assert!(urdf.contains("link name=\"torso\""), "{urdf}");
     assert_eq!(found.iter().filter(|f| f.message.contains("held")).count(), 2, "{found:?}");
 }
+
+/// As ALOHA: two arms stand beside each other on a table that is part of the world.
+#[test]
+fn the_world_of_mjcf_is_the_base_of_arms_that_are_bolted_to_it() {
+    let arm = |name: &str, x: f64| {
+        let elbow = format!("<body name='{name}_elbow' pos='0 0 .3'><joint axis='0 1 0'/></body>");
+        let shoulder = format!("<body name='{name}_shoulder'><joint axis='0 0 1'/>{elbow}</body>");
+        format!("<body name='{name}' pos='{x} 0 0'>{shoulder}</body>")
+    };
+    let door = "<body name='door'><body name='wing'><joint axis='0 0 1'/></body></body>";
+    let table = "<body name='table'><geom type='box' size='1 1 .1'/></body>";
+    let world = |bodies: &str| format!("<mujoco><worldbody>{bodies}</worldbody></mujoco>");
+    let both = table.to_owned() + &arm("left", -0.5) + door + &arm("right", 0.5);
+    let (urdf, found) = servodance_retarget::urdf_from_mjcf(&world(&both)).unwrap();
+    let model = RobotModel::new(&urdf, &[]).unwrap();
+    assert_eq!(model.link_names()[0], "base");
+    for part in ["left_elbow", "right_elbow"] {
+        assert!(model.link(part).is_some(), "{urdf}");
+    }
+    assert_eq!(found.iter().filter(|f| f.message.contains("object")).count(), 2, "{found:?}");
+    let (urdf, _) = servodance_retarget::urdf_from_mjcf(&world(&arm("left", -0.5))).unwrap();
+    assert!(!urdf.contains("link name=\"base\""), "{urdf}");
+}

@@ -29,9 +29,20 @@ fn turns_against_world(body: &MjcfElement) -> bool {
     matches!(first, Some("hinge" | "slide")) && joints.next().is_none()
 }
 
+/// Whether a body of the world is bolted to it.
+fn is_bolted(body: &MjcfElement) -> bool {
+    body.children("joint").chain(body.children("freejoint")).next().is_none()
+}
+
+/// Joints of a body and of all below it.
+fn joints_of(body: &MjcfElement) -> usize {
+    body.node.descendants().filter(|node| node.has_tag_name("joint")).count()
+}
+
 impl<'d> MjcfBodies<'d> {
     /// The body with the most joints, and all below it; the world, where that body turns
-    /// against it by one joint: the base of such a robot is part of the world.
+    /// against it by one joint, or another one like it is bolted to the world, too: the base
+    /// of such a robot is part of the world.
     pub fn read(
         root: Node,
         attributes: &MjcfAttributes,
@@ -39,12 +50,7 @@ impl<'d> MjcfBodies<'d> {
     ) -> Result<Self, RetargetError> {
         let worlds = root.children().filter(|n| n.has_tag_name("worldbody"));
         let bodies = worlds.flat_map(|world| world.children());
-        let mut bodies: Vec<Node> = bodies.filter(|n| n.has_tag_name("body")).collect();
-        let joints = |body: &Node| {
-            let all = body.descendants();
-            all.filter(|n| n.has_tag_name("joint")).count()
-        };
-        bodies.sort_by_key(|body| std::cmp::Reverse(joints(body)));
+        let bodies: Vec<Node> = bodies.filter(|n| n.has_tag_name("body")).collect();
         let Some(world) = bodies.first().and_then(Node::parent) else {
             let reason = "there is no <body> in <worldbody>";
             return Err(RetargetError::Mjcf(reason.into()));
@@ -52,9 +58,17 @@ impl<'d> MjcfBodies<'d> {
         let class = world.attribute("childclass").unwrap_or("main");
         let element = |node| MjcfElement { node, class, attributes };
         let mut limbs: Vec<MjcfElement> = bodies.into_iter().map(element).collect();
-        let is_world_base = turns_against_world(&limbs[0]);
-        let objects = match is_world_base {
-            true => limbs.extract_if(.., |body| !turns_against_world(body)).collect(),
+        limbs.sort_by_key(|body| std::cmp::Reverse(joints_of(body)));
+        let most = joints_of(&limbs[0]);
+        let is_arm = |body: &MjcfElement| is_bolted(body) && most > 1 && joints_of(body) == most;
+        let turning = turns_against_world(&limbs[0]);
+        let is_limb = |body: &MjcfElement| match turning {
+            true => turns_against_world(body),
+            false => is_arm(body),
+        };
+        let is_world_base = turning || limbs.iter().filter(|body| is_arm(body)).count() > 1;
+        let objects: Vec<MjcfElement> = match is_world_base {
+            true => limbs.extract_if(.., |body| !is_limb(body)).collect(),
             false => limbs.split_off(1),
         };
         let (links, joints, names) = Default::default();
