@@ -60,7 +60,8 @@ pub(super) fn hold_loops(root: Node, joints: &mut [urdf_rs::Joint], diagnostics:
         let [Some(one), Some(other)] = ends else { continue };
         let paths = [&one, &other].map(|body| joints_above(joints, body));
         let [first, second] = &paths;
-        let held: Vec<usize> = first.symmetric_difference(second).copied().collect();
+        let mut held: Vec<usize> = first.symmetric_difference(second).copied().collect();
+        held.sort_unstable();
         let moving = held.iter().filter(|&&joint| joints[joint].joint_type != JointType::Fixed);
         let names: Vec<String> = moving.map(|&joint| joints[joint].name.clone()).collect();
         for joint in held {
