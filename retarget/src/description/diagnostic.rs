@@ -98,6 +98,7 @@ codes! {
     TextureUnnamed "texture-unnamed" Repaired "a texture names no file: it is left out";
     TextBehind "text-behind" Repaired "something stands behind the robot's end: passed over";
     PrefixUndeclared "prefix-undeclared" Repaired "an XML prefix is not declared: it is passed over";
+    XacroInclude "xacro-include" Repaired "a xacro includes colours, motors or a simulator's settings: they are passed over";
     NumberCommas "number-commas" Repaired "commas stand between the numbers of a vector: read as blanks";
     InertialIncomplete "inertial-incomplete" Repaired "mass or inertia is not given: it counts as zero";
     InertiaOversized "inertia-oversized" Repaired "a moment of inertia far beyond a link's mass and size: a usual one is used";

@@ -139,6 +139,29 @@ fn what_stands_around_is_found_as_well() {
     }
 }
 
+/// As exporters write it: includes of colours, transmissions and the simulator's settings, and
+/// macros that write those.
+#[test]
+fn a_xacro_is_read_where_nothing_in_it_adds_parts() {
+    const COLOURS: &str = "<xacro:include filename='$(find my_robot)/urdf/materials.xacro'/>";
+    let finding = found(&urdf("revolute", GOOD, MASS, COLOURS), DiagnosticCode::XacroInclude);
+    assert_eq!(finding.subject, "$(find my_robot)/urdf/materials.xacro", "{finding}");
+    const MOTOR: &str = "<xacro:macro name='motor' params='name'><transmission name='t'>\
+        <joint name='${name}'/></transmission></xacro:macro><xacro:motor name='turn'/>";
+    assert!(RobotModel::new(&urdf("revolute", GOOD, MASS, MOTOR), &["turn"]).is_ok());
+    const HAND: &str = "<xacro:macro name='hand'><link name='hand'/></xacro:macro>";
+    let in_link = MASS.to_owned() + "<xacro:motor name='turn'/>";
+    for (link, more) in [
+        (MASS, "<xacro:include filename='arm.urdf.xacro'/>"),
+        (MASS, "<xacro:motor name='turn'/>"),
+        (MASS, HAND),
+        (&in_link, MOTOR),
+    ] {
+        let finding = found(&urdf("revolute", GOOD, link, more), DiagnosticCode::Xacro);
+        assert_eq!(finding.subject, "robot", "{finding}");
+    }
+}
+
 #[test]
 fn what_stands_behind_the_robot_is_passed_over() {
     let text = urdf("revolute", GOOD, MASS, "") + "\n\u{0} trailing";

@@ -7,6 +7,8 @@
 mod elements;
 mod named_colors;
 
+use std::collections::HashSet;
+
 use roxmltree::{Document, Node};
 
 use crate::config::RetargetError;
@@ -80,6 +82,7 @@ fn robot(
         diagnostics.refuse(DiagnosticCode::Xacro, RetargetError::Xacro);
         return None;
     }
+    report_includes(root, diagnostics);
     report_commas(root, diagnostics);
     let mut reader = ElementReader::new(root, named_colors(root), diagnostics);
     let links = children(root, "link").filter_map(|node| reader.link(node));
@@ -118,16 +121,63 @@ fn report_commas(root: Node, diagnostics: &mut Diagnostics) {
     }
 }
 
+/// Files with one of these words in their names have colours, motors or a simulator's settings.
+const NO_PARTS: [&str; 8] = [
+    "material",
+    "materials",
+    "color",
+    "colors",
+    "trans",
+    "transmission",
+    "transmissions",
+    "gazebo",
+];
+
 /// Whether xacro elements or expressions are left where they count; comments
 /// and simulator plugins often keep some.
 fn is_xacro(root: Node) -> bool {
-    let is_call = |node: &Node| {
-        let namespace = node.tag_name().namespace().unwrap_or_default();
-        namespace.contains("xacro") && !["property", "arg"].contains(&node.tag_name().name())
-    };
     let parts = root.children().filter(|node| ["link", "joint"].contains(&node.tag_name().name()));
     let mut attributes =
         parts.flat_map(|part| part.descendants()).flat_map(|node| node.attributes());
-    root.descendants().any(|node| node.is_element() && is_call(&node))
+    let macros: HashSet<&str> = children(root, "macro")
+        .filter(|&node| is_of_xacro(node) && !adds_parts(node))
+        .filter_map(|node| node.attribute("name"))
+        .collect();
+    let is_left = |node: Node| match node.tag_name().name() {
+        "property" | "arg" => true,
+        "include" => adds_no_parts(node),
+        "macro" => !adds_parts(node),
+        call => node.parent() == Some(root) && macros.contains(call),
+    };
+    let of_macro = |node: Node| node.ancestors().skip(1).any(|above| above.has_tag_name("macro"));
+    root.descendants().any(|node| is_of_xacro(node) && !is_left(node) && !of_macro(node))
         || attributes.any(|attribute| attribute.value().contains("${"))
+}
+
+fn is_of_xacro(node: Node) -> bool {
+    node.is_element() && node.tag_name().namespace().unwrap_or_default().contains("xacro")
+}
+
+/// Whether a macro holds a link, a joint or a call; a transmission names the joints that it moves.
+fn adds_parts(node: Node) -> bool {
+    let names = |node: Node| node.ancestors().any(|above| above.has_tag_name("transmission"));
+    node.descendants().skip(1).any(|inside| {
+        let part = inside.has_tag_name("link") || inside.has_tag_name("joint");
+        (part && !names(inside)) || is_of_xacro(inside)
+    })
+}
+
+/// Whether an include brings no links or joints, by the name of its file.
+fn adds_no_parts(include: Node) -> bool {
+    let path = include.attribute("filename").unwrap_or_default().to_lowercase();
+    let name = path.rsplit(['/', '\\']).next().unwrap_or_default();
+    name.split(|letter: char| !letter.is_alphanumeric()).any(|word| NO_PARTS.contains(&word))
+}
+
+fn report_includes(root: Node, diagnostics: &mut Diagnostics) {
+    for include in children(root, "include").filter(|&node| is_of_xacro(node)) {
+        let file = plain(include.attribute("filename").unwrap_or_default());
+        let message = "not read; by its name it adds no link and no joint";
+        diagnostics.add(DiagnosticCode::XacroInclude, &file, message);
+    }
 }
