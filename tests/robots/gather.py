@@ -85,7 +85,8 @@ def expand(source, folder, out):
     from xacro import substitution_args
 
     def found(package):
-        at = next((at for at in sorted(folder.rglob(package)) if at.is_dir()), None)
+        places = [folder, *sorted(folder.rglob(package))]
+        at = next((at for at in places if at.is_dir() and at.name == package), None)
         if at is None:
             raise FileNotFoundError(f"no package {package}")
         return str(at)
