@@ -104,7 +104,7 @@ def main():
     parser.add_argument("folder")
     parser.add_argument("--mirrors")
     args = parser.parse_args()
-    folder = Path(args.folder)
+    folder = Path(args.folder).resolve()
     rows = read_list(args.list)
     for repository, commit in dict.fromkeys((row["repository"], row["commit"]) for row in rows):
         at = repository_at(args.mirrors, folder, repository, commit)
