@@ -44,6 +44,7 @@ fn joints_of_public_descriptions_are_named_with_their_values() {
     for (kind, joint, code, says) in [
         ("revolute", limit("-1", "1", "2", "100"), DiagnosticCode::VelocityPlaceholder, "100"),
         ("revolute", limit("-1", "1", "2", "0"), DiagnosticCode::VelocityUnset, "0"),
+        ("revolute", limit("-1", "1", "2", "0.5"), DiagnosticCode::VelocitySlow, "0.5 rad/s"),
         ("revolute", limit("-1", "1", "1000", "3"), DiagnosticCode::EffortPlaceholder, "1000"),
         ("revolute", limit("-1", "1", "0", "3"), DiagnosticCode::EffortUnset, "0"),
         (

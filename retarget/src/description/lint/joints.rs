@@ -6,6 +6,8 @@ use crate::description::diagnostic::{DiagnosticCode, Diagnostics};
 use crate::description::joints::mimic_numbers;
 
 pub(super) const PLACEHOLDER_RAD_S: f64 = 50.0;
+/// A joint that is slower than this is late on every beat, radians a second.
+const SLOW_RAD_S: f64 = 1.0;
 const PLACEHOLDER_NM: f64 = 1000.0;
 /// Ranges wider than this are suspicious for a servo, radians.
 const WIDE_RAD: f64 = 315.0 * PI / 180.0;
@@ -55,6 +57,13 @@ fn lint_limit(joint: &urdf_rs::Joint, diagnostics: &mut Diagnostics) {
                 limit.velocity
             );
             say(DiagnosticCode::VelocityPlaceholder, message);
+        } else if limit.velocity < SLOW_RAD_S && joint.joint_type != urdf_rs::JointType::Prismatic {
+            let message = format!(
+                "velocity limit {} rad/s is slow: the dance is small and late; if the servo is \
+                 faster, say so in the description",
+                limit.velocity
+            );
+            say(DiagnosticCode::VelocitySlow, message);
         }
         if limit.effort.is_nan() || limit.effort <= 0.0 {
             let message = format!("effort limit {} means unset", limit.effort);
