@@ -20,6 +20,8 @@ const MEMORY_S: f64 = 1.9;
 /// accelerations are measured, and how long beyond, by half a sole, halves the arms' movement.
 const MEASURED: f64 = 0.5;
 const HALVES: f64 = 0.6;
+/// The share of a dance that begins: what its arms will do is not known yet.
+const FIRST_SHARE: f64 = 0.3;
 
 pub(crate) struct ArmShare {
     /// Cycles between the positions by which accelerations are measured.
@@ -39,7 +41,7 @@ impl ArmShare {
     /// `height_m`: of the centre of mass above the feet; `weights` by joint: see `zmp_weights`.
     pub fn new(height_m: f64, zmp_limit: f64, weights: Vec<f64>, dt_s: f64) -> Self {
         let fall_s = (height_m.max(0.01) / GRAVITY_M_S2).sqrt();
-        Self {
+        let mut arms = Self {
             step: ((MEASURED * fall_s / dt_s).round() as usize).max(1),
             zmp_limit,
             weights,
@@ -47,11 +49,17 @@ impl ArmShare {
             dt_s,
             beyond: vec![0.0; (MEMORY_S / dt_s).ceil() as usize],
             next: 0,
-        }
+        };
+        arms.restart();
+        arms
     }
 
+    /// As if the dance so far had left [`FIRST_SHARE`].
     pub fn restart(&mut self) {
-        self.beyond.fill(0.0);
+        self.beyond.fill(1.0);
+        let wanted_s = self.halves_s * (1.0 / FIRST_SHARE - 1.0).sqrt();
+        let beyond = wanted_s / self.beyond_s();
+        self.beyond.fill(beyond);
     }
 
     /// The share after one cycle in which the whole of the arms' movement would put the

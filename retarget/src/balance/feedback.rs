@@ -20,9 +20,12 @@ use crate::retargeter::{LegJoint, Retargeter};
 
 /// Age of the commands that a reading answers to: servo lag and the sensor's delay.
 const ANSWERED_S: f64 = 0.07;
-/// Errors smaller than this are the servos' own give: not corrected, and faded in.
+/// Leans smaller than this are the servos' own give: not turned back.
 const DEAD_BAND_RAD: f64 = 0.035;
-const FADE_RAD: f64 = 0.043;
+/// From this lean on all of its rate is damped. A heavy robot on stiff ankles swings at the
+/// pace of a beat (g1 at 1.9 Hz), and arms that keep that beat rock it off its soles if small
+/// leans are left undamped; below, a sensor's noise would shake a robot that stands still.
+const DAMPED_RAD: f64 = 0.005;
 /// Largest correction of a joint, radians, and its time constant, seconds.
 const MOST_RAD: f64 = 0.28;
 const SMOOTH_S: f64 = 0.015;
@@ -243,7 +246,7 @@ impl BalanceFeedback {
         std::array::from_fn(|axis| {
             let (off, faster) = (lean[axis], rate[axis]);
             let beyond = (off.abs() - DEAD_BAND_RAD).max(0.0).copysign(off);
-            let active = (off.abs() / FADE_RAD).min(1.0);
+            let active = (off.abs() / DAMPED_RAD).min(1.0);
             let back = |share: f64, damping_s: f64| {
                 (-share * beyond - damping_s * faster * active).clamp(-MOST_RAD, MOST_RAD)
             };
