@@ -29,6 +29,12 @@ impl ByMusic {
         [self.same_tempo, self.other_tempo, self.shifted, self.silent]
     }
 
+    /// Whether its own music is above all controls but the song of the same tempo, which has
+    /// the same beats where both songs begin with one.
+    pub fn beats_other_beats(&self) -> bool {
+        [self.other_tempo, self.shifted, self.silent].iter().all(|control| self.own > *control)
+    }
+
     /// Each figure averaged over dances.
     pub fn mean(all: &[Self]) -> Self {
         let over = |of: fn(&Self) -> f64| all.iter().map(of).sum::<f64>() / all.len().max(1) as f64;
@@ -147,5 +153,7 @@ mod tests {
         let wins = ByMusic::wins(&[of(0.8, 0.5), of(0.4, 0.5), of(0.25, 0.0), of(0.9, 0.0)]);
         let shares = [wins.own, wins.same_tempo, wins.other_tempo, wins.shifted, wins.silent];
         assert_eq!(shares, [0.5, 0.75, 1.0, 1.0, 0.75]);
+        let beats = [of(0.4, 0.5), of(0.25, 0.0)].map(|dance| dance.beats_other_beats());
+        assert_eq!(beats, [true, false]);
     }
 }

@@ -22,6 +22,8 @@ pub struct SongEvaluation {
     /// Shares of the pairs of song and seed that beat each control; `own`: all of them.
     pub(crate) wins: ByMusic,
     pub(crate) wins_found: ByMusic,
+    /// Share of the pairs that beat all controls of other beats, by the beats found.
+    pub(crate) wins_found_other_beats: f64,
     /// Correlation of the loudness of bars and the speed of the dancer in them, mean over
     /// the dances to music with dynamics.
     pub(crate) loudness_answer: Option<f64>,
@@ -72,6 +74,9 @@ impl SongEvaluation {
             f1_found: ByMusic::mean(&f1_found),
             wins: ByMusic::wins(&f1),
             wins_found: ByMusic::wins(&f1_found),
+            wins_found_other_beats: f1_found.iter().filter(|f1| f1.beats_other_beats()).count()
+                as f64
+                / dances.len().max(1) as f64,
             loudness_answer: (!answers.is_empty())
                 .then(|| answers.iter().sum::<f64>() / answers.len() as f64),
             with_dynamics: answers.len(),
@@ -122,7 +127,11 @@ impl SongEvaluation {
                 of * v.own
             );
         }
-        text.push('\n');
+        let _ = writeln!(
+            text,
+            "other tempo, shifted and silent all beaten, by the beats found live: {:.0} %\n",
+            100.0 * self.wins_found_other_beats
+        );
         let answer = self.loudness_answer.map_or("-".to_owned(), |r| format!("{r:.2}"));
         let _ = writeln!(
             text,
