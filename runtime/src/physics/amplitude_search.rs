@@ -14,6 +14,8 @@ use crate::robot::Robot;
 /// Shares of the pelvis's movement that are tried. From 0.3 to 1 there is nothing: what stood
 /// there in these dances fell in others.
 const PELVIS: [f64; 3] = [1.0, 0.3, 0.0];
+/// The same of legs alone: with none of it nothing moves.
+const LEGS: [f64; 3] = [1.0, 0.3, 0.15];
 /// Shares of the trunk's movement over four feet: with none of it nothing moves.
 const TRUNK: [f64; 4] = [1.0, 0.6, 0.3, 0.15];
 /// Of `arm_zmp_limit`: the arms give way in wild stretches before they do everywhere.
@@ -106,8 +108,9 @@ pub fn find_amplitude(
     if robot.retarget.kind == BodyKind::Quadruped {
         return trials.on_four_feet();
     }
+    let legs_alone = trials.free_speed2 == 0.0;
     let mut without_margin = Vec::new();
-    for pelvis in PELVIS {
+    for pelvis in if legs_alone { LEGS } else { PELVIS } {
         for shares in trials.shares(pelvis)? {
             let Some(found) = trials.stand(shares)? else { continue };
             if keeps_enough(&found) && trials.has_margin(&found) {
@@ -121,7 +124,7 @@ pub fn find_amplitude(
             return Ok(Some(*found));
         }
     }
-    for arms in ARMS {
+    for arms in ARMS.into_iter().filter(|_| !legs_alone) {
         let shares = StandingShares::new(0.0, LIMITS[LIMITS.len() - 1], arms);
         let Some(found) = trials.stand(shares)? else { continue };
         if trials.has_margin(&found) || trials.stands_wild(shares)? {
