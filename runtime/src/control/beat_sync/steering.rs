@@ -222,6 +222,8 @@ mod tests {
     use std::collections::VecDeque;
 
     const CYCLE_S: f64 = 0.01;
+    /// A pace is told from the difference of two times.
+    const ROUNDING: f64 = 1e-9;
 
     fn music(time_s: f64, bpm: f64) -> MusicFrame {
         MusicFrame {
@@ -297,7 +299,8 @@ mod tests {
             let shown_s = decided.pop_front().unwrap();
             if let Some(last_s) = last {
                 let pace = (motion_s - last_s) / CYCLE_S;
-                let bounds = SLOWEST * (1.0 - EMPHASIS)..=FASTEST * (1.0 + EMPHASIS);
+                let [slowest, fastest] = [SLOWEST * (1.0 - EMPHASIS), FASTEST * (1.0 + EMPHASIS)];
+                let bounds = slowest - ROUNDING..=fastest + ROUNDING;
                 assert!(bounds.contains(&pace), "{pace} at {now_s}");
                 let beats = |now_s: f64| ((now_s + 0.05) * bpm / 60.0).floor();
                 if beats(now_s) > beats(now_s - CYCLE_S) && now_s > 10.0 {
