@@ -9,7 +9,8 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use super::bvh::NamedMotion;
-use super::named_skeleton::{FileJoint, GivenNames, map_joints, settle};
+use super::joint_search::map_joints;
+use super::named_skeleton::{FileJoint, GivenNames, settle};
 use servodance_model::motion::rotation::{IDENTITY, Matrix, about, apply, multiply, transposed};
 use servodance_model::motion::vec3::{Vec3, add, narrow, scale, unit_or};
 use servodance_model::motion::{Clip, MotionError, Pose};

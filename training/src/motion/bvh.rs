@@ -7,7 +7,8 @@
 
 use std::path::Path;
 
-use super::named_skeleton::{FileJoint, GivenNames, JointMapping, map_joints, settle};
+use super::joint_search::map_joints;
+use super::named_skeleton::{FileJoint, GivenNames, JointMapping, settle};
 use servodance_model::motion::rotation::{IDENTITY, Matrix, about, apply, multiply};
 use servodance_model::motion::vec3::{Vec3, add, narrow};
 use servodance_model::motion::{Clip, MotionError, Pose};

@@ -8,6 +8,7 @@ mod bvh;
 pub mod format;
 #[cfg_attr(not(feature = "candle"), allow(dead_code, reason = "figures of text need the rest"))]
 pub(crate) mod humanml;
+mod joint_search;
 pub(crate) mod named_skeleton;
 mod pickle;
 mod smpl;
