@@ -5,8 +5,9 @@
 
 use super::config::DanceConfig;
 use super::dance_report::{dance_report, finish_recording};
+use super::dance_verdict::verdict;
 use super::{animation, plot_selection};
-use crate::control::control_loop::{ControlLoop, Ending, disarm_cause};
+use crate::control::control_loop::{ControlLoop, Ending, LoopRecord, disarm_cause};
 use crate::control::emergency_stop::EmergencyStopWatch;
 use crate::control::robot_buses::{RobotBuses, SimulationPlan};
 use crate::control::viewer_link::publish_end;
@@ -22,7 +23,6 @@ use crate::process::progress::Progress;
 use crate::process::realtime::{NotAllowed, OrdinaryAfterwards, ThreadRole, raise};
 use crate::process::speed::Speed;
 use crate::robot::Robot;
-use crate::telemetry::JointSpans;
 use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::telemetry::recorder::{Recorder, RecordingTopic, WhenBehind};
 use crate::telemetry::report::{DanceReport, SafetyEvent};
@@ -94,20 +94,7 @@ pub(super) fn perform(
     let mut servos =
         RobotBuses::open_simulating(&config.robot, &config.buses, config.speed, estop, plan)?;
     let mut events = servos.listen();
-    if let Some(viewers) = viewers.as_deref_mut() {
-        viewers.publish(|snapshot| snapshot.now.safety = State::Arming);
-    }
-    let armed = servos.arm();
-    if armed.is_err() {
-        // What went wrong is told below; whether torque is off, by the state left here.
-        let _ = servos.disarm("the servos could not be armed");
-        if let Some(viewers) = viewers.as_deref_mut() {
-            publish_end(viewers, &servos);
-        }
-    }
-    for note in armed? {
-        progress.note(&note);
-    }
+    arm(&mut servos, viewers.as_deref_mut(), &progress)?;
     let mut control = ControlLoop::new(
         &config.robot,
         &mut servos,
@@ -151,32 +138,54 @@ pub(super) fn perform(
     report.model.clone_from(&generator.config().preset);
     report.left_out = shedding.names();
     let recorder = std::mem::take(&mut run.log.recorder).into_recorder();
-    let recorded = finish_recording(config, recorder, &report, run.clock.music_start_s);
+    write_files(config, &run, recorder, &report, shedding.most())?;
+    verdict(config, &report, &run.log.trace, &servos)?;
+    Ok(Outcome { report, interrupted: ending == Ending::Interrupted })
+}
+
+fn arm(
+    servos: &mut RobotBuses,
+    mut viewers: Option<&mut RobotEnd>,
+    progress: &Progress,
+) -> anyhow::Result<()> {
+    if let Some(viewers) = viewers.as_deref_mut() {
+        viewers.publish(|snapshot| snapshot.now.safety = State::Arming);
+    }
+    let armed = servos.arm();
+    if armed.is_err() {
+        // What went wrong is told below; whether torque is off, by the state left here.
+        let _ = servos.disarm("the servos could not be armed");
+        if let Some(viewers) = viewers {
+            publish_end(viewers, servos);
+        }
+    }
+    for note in armed? {
+        progress.note(&note);
+    }
+    Ok(())
+}
+
+/// The recording, the report and the pictures that are asked for.
+fn write_files(
+    config: &DanceConfig,
+    run: &LoopRecord,
+    recorder: Option<Recorder>,
+    report: &DanceReport,
+    left_out: LeftOut,
+) -> anyhow::Result<()> {
+    let recorded = finish_recording(config, recorder, report, run.clock.music_start_s);
     if let Some(path) = &config.report {
         report.write(path)?;
     }
-    let wanted = config.picture.as_ref();
-    if let Some(path) = wanted.filter(|_| shedding.most() < LeftOut::Picture) {
-        let log = &run.log;
-        let picture = plot_selection::plot(config, &log.trace, log.trace_hz(), &report)?;
+    let log = &run.log;
+    if let Some(path) = config.picture.as_ref().filter(|_| left_out < LeftOut::Picture) {
+        let picture = plot_selection::plot(config, &log.trace, log.trace_hz(), report)?;
         write_whole(path, &picture.png()?)?;
     }
     if let Some(path) = &config.gif {
-        animation::write(config, &run.log.trace, run.plan.lead.mean_s(), &report, path)?;
+        animation::write(config, &log.trace, run.plan.lead.mean_s(), report, path)?;
     }
-    recorded?;
-    refuse_fall(&servos)?;
-    refuse_broken_limits(&report, &servos)?;
-    report.following.refuse_frozen()?;
-    let music_s = report.audio_s - report.idled_s;
-    let asked = config.robot.retarget.amplitude >= LEAST_AMPLITUDE && music_s >= LEAST_MUSIC_S;
-    if asked && config.view.is_none() && !config.tui {
-        let targets = &run.log.trace.targets;
-        let mut moved = JointSpans::new(config.robot.servos.len());
-        (0..targets.times_s().len()).for_each(|sample| moved.see(targets.sample(sample)));
-        moved.refuse_still()?;
-    }
-    Ok(Outcome { report, interrupted: ending == Ending::Interrupted })
+    recorded
 }
 
 /// The song for the recording, if there is one; a song that is too long is left out.
@@ -189,10 +198,6 @@ fn recorded_song(config: &DanceConfig, progress: &Progress) -> Option<Sound> {
     let left_out = |error| progress.note(&format!("the recording is without sound: {error:#}"));
     song.map_err(left_out).ok()
 }
-
-/// Less amplitude, or less music, need not move a robot.
-const LEAST_AMPLITUDE: f64 = 0.2;
-const LEAST_MUSIC_S: f64 = 5.0;
 
 /// What a dance needs before the buses are opened.
 struct Prepared {
@@ -276,28 +281,4 @@ fn note_safety_events(events: &mut impl Iterator<Item = SafetyEvent>, progress: 
             event.time_s, event.from, event.to, event.cause
         ));
     }
-}
-
-/// A dance in which the robot fell has failed.
-fn refuse_fall(servos: &RobotBuses) -> anyhow::Result<()> {
-    match servos.fall_s() {
-        Some(fell_s) => {
-            anyhow::bail!("the robot fell {fell_s:.2} s after torque on; torque is off")
-        }
-        None => Ok(()),
-    }
-}
-
-/// Simulated servos count broken limits; a dance with any has failed.
-fn refuse_broken_limits(report: &DanceReport, servos: &RobotBuses) -> anyhow::Result<()> {
-    if let Some(counted) = report.violations.filter(|v| *v != Default::default()) {
-        anyhow::bail!(
-            "the simulated servos saw limits broken: {} position, {} velocity, {} acceleration; first: {}",
-            counted.position,
-            counted.velocity,
-            counted.acceleration,
-            servos.violation_notes().first().cloned().unwrap_or_default()
-        );
-    }
-    Ok(())
 }

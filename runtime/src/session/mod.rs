@@ -7,6 +7,7 @@ pub mod config;
 pub mod dance;
 pub(crate) mod dance_report;
 pub mod dance_session;
+mod dance_verdict;
 pub mod fault_run;
 pub mod led_dance;
 pub(crate) mod plot_selection;

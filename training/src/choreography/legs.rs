@@ -77,6 +77,11 @@ impl StepStance {
         self
     }
 
+    /// Both feet further out by so many metres.
+    fn wider(self, out: f64) -> Self {
+        self.left(HOME_M + out, 0.0).right(-HOME_M - out, 0.0)
+    }
+
     fn heel(mut self, side: usize, heel: f64) -> Self {
         self.feet[side].heel = heel;
         self
@@ -166,168 +171,46 @@ impl Steps {
     /// The stance arrived at on `count`, for steps of `size` (1 is usual).
     pub(crate) fn stance(self, count: usize, size: f64) -> StepStance {
         let home = StepStance::home();
-        let side = |k: usize, stance: StepStance| match k.is_multiple_of(2) {
-            true => stance,
-            false => stance.mirrored(),
-        };
         let even = count.is_multiple_of(2);
-        let h = HOME_M;
         match self {
-            Self::Bounce => side(count, home.weight(0.68, 0.05 * size).heel(0, 0.25 * size)),
+            Self::Bounce => of_side(count, home.weight(0.68, 0.05 * size).heel(0, 0.25 * size)),
             Self::Sway => {
-                let w = h + 0.12 * size;
-                let wide = home.left(w, 0.0).right(-w, 0.0);
-                side(count, wide.weight(0.92, 0.06 * size).heel(0, 0.35 * size))
+                let wide = home.wider(0.12 * size);
+                of_side(count, wide.weight(0.92, 0.06 * size).heel(0, 0.35 * size))
             }
-            Self::StepTouch => {
-                let out = 0.30 * size;
-                let step = home.left(h, 0.0).right(-h - out, 0.0).weight(0.9, 0.05);
-                let touch = home
-                    .left(-out + 0.04, 0.02)
-                    .right(-h - out, 0.0)
-                    .heel(0, 0.5)
-                    .weight(0.97, 0.02);
-                let back = home.right(-h - out, 0.0).weight(0.1, 0.05);
-                let close = home.right(0.04 - h, 0.02).heel(1, 0.5).weight(0.03, 0.02);
-                [step, touch, back, close][count % 4].placed([0.5 * out, 0.0], 0.0)
-            }
-            Self::TwoStep | Self::Grapevine => {
-                let out = 0.30 * size;
-                let behind = if self == Self::Grapevine { -0.14 } else { 0.0 };
-                let close = if behind < 0.0 { 0.10 } else { 0.0 };
-                let at = |l: f64, lz: f64, r: f64, rz: f64, w: f64| {
-                    home.left(h + l, lz).right(-h + r, rz).weight(w, 0.045)
-                };
-                [
-                    at(0.0, 0.0, -out, 0.0, 0.85),
-                    at(-out - close, behind, -out, 0.0, 0.2),
-                    at(-out - close, behind, -2.0 * out, 0.0, 0.85),
-                    at(-2.0 * out + 0.04, 0.02, -2.0 * out, 0.0, 0.97).heel(0, 0.5),
-                    at(-out, 0.0, -2.0 * out, 0.0, 0.15),
-                    at(-out, 0.0, -out + close, behind, 0.8),
-                    at(0.0, 0.0, -out + close, behind, 0.15),
-                    at(0.0, 0.0, -0.04, 0.02, 0.03).heel(1, 0.5),
-                ][count % 8]
-                    .placed([out, 0.0], 0.0)
-            }
+            Self::StepTouch => step_touch(count, size),
+            Self::TwoStep => two_steps(count, size, 0.0, 0.0),
+            Self::Grapevine => two_steps(count, size, -0.14, 0.10),
             Self::March => {
-                let up = home.right(-h, 0.10).lift(1, 0.24 * size).weight(0.06, 0.0);
-                let down = home.weight(0.55, 0.05);
-                side(count / 2, if even { up } else { down })
+                let up = home.right(-HOME_M, 0.10).lift(1, 0.24 * size).weight(0.06, 0.0);
+                of_side(count / 2, if even { up } else { home.weight(0.55, 0.05) })
             }
             Self::Kick => {
-                let kick =
-                    home.right(-h + 0.03, 0.42 * size).lift(1, 0.26 * size).weight(0.02, 0.03);
-                let close = home.weight(0.6, 0.05);
-                side(count / 2, if even { kick } else { close })
+                let out = home.right(-HOME_M + 0.03, 0.42 * size);
+                let kick = out.lift(1, 0.26 * size).weight(0.02, 0.03);
+                of_side(count / 2, if even { kick } else { home.weight(0.6, 0.05) })
             }
             Self::HeelTap => {
-                let tap = home.right(-h - 0.04, 0.24 * size).heel(1, -0.45).weight(0.1, 0.08);
-                let close = home.weight(0.6, 0.02);
-                side(count / 2, if even { tap } else { close })
+                let tap = home.right(-HOME_M - 0.04, 0.24 * size).heel(1, -0.45).weight(0.1, 0.08);
+                of_side(count / 2, if even { tap } else { home.weight(0.6, 0.02) })
             }
-            Self::Charleston => {
-                let z = 0.22 * size;
-                [
-                    home.right(-h, z).weight(0.9, 0.05),
-                    home.right(-h, z)
-                        .left(h, z + 0.34 * size)
-                        .lift(0, 0.22 * size)
-                        .weight(1.0, 0.02),
-                    home.right(-h, z).left(h, -0.18 * size).weight(0.1, 0.06),
-                    home.left(h, -0.18 * size)
-                        .right(-h, -0.44 * size)
-                        .heel(1, 0.6)
-                        .weight(0.05, 0.06),
-                ][count % 4]
-            }
+            Self::Charleston => charleston(count, size),
             Self::Lunge => {
-                let lunge =
-                    home.right(-h - 0.42 * size, 0.06).weight(0.82, 0.12 * size).heel(0, 0.4);
-                side(count / 2, if even { lunge } else { home.weight(0.45, 0.0) })
+                let out = home.right(-HOME_M - 0.42 * size, 0.06);
+                let lunge = out.weight(0.82, 0.12 * size).heel(0, 0.4);
+                of_side(count / 2, if even { lunge } else { home.weight(0.45, 0.0) })
             }
             Self::Jack => {
-                let w = h + 0.20 * size;
-                let apart = home.left(w, 0.0).right(-w, 0.0).weight(0.5, 0.09);
-                let mut stance = if even { apart } else { home.weight(0.5, 0.05) };
-                stance.hop = 0.05 * size;
-                stance
+                let apart = home.wider(0.20 * size).weight(0.5, 0.09);
+                let stance = if even { apart } else { home.weight(0.5, 0.05) };
+                StepStance { hop: 0.05 * size, ..stance }
             }
-            Self::Squat => {
-                let w = h + 0.08;
-                let wide = home.left(w, 0.0).right(-w, 0.0);
-                let low = wide.weight(0.5, 0.20 * size);
-                if even { low } else { wide.weight(0.5, 0.0) }
-            }
-            Self::Twist => {
-                let mut twist = home
-                    .left(h + 0.03, 0.0)
-                    .right(-h - 0.03, 0.0)
-                    .heel(0, 0.22)
-                    .heel(1, 0.22)
-                    .weight(0.62, 0.07);
-                for foot in &mut twist.feet {
-                    foot.yaw += 0.55 * size;
-                }
-                twist.yaw = 0.35 * size;
-                side(count, twist)
-            }
-            Self::Salsa => {
-                let z = 0.24 * size;
-                [
-                    home.left(h, z).weight(0.2, 0.04),
-                    home.left(h, z).weight(0.9, 0.02).heel(0, 0.35),
-                    home.weight(0.2, 0.03),
-                    home.weight(0.1, 0.02).heel(1, 0.4),
-                    home.right(-h, -z).weight(0.8, 0.04),
-                    home.right(-h, -z).weight(0.1, 0.02).heel(1, 0.35),
-                    home.weight(0.8, 0.03),
-                    home.weight(0.9, 0.02).heel(0, 0.4),
-                ][count % 8]
-            }
-            Self::SalsaSide => {
-                let x = 0.24 * size;
-                [
-                    home.left(h + x, 0.0).weight(0.2, 0.04),
-                    home.left(h + x, 0.0).weight(0.9, 0.02).heel(0, 0.35),
-                    home.weight(0.2, 0.03),
-                    home.weight(0.1, 0.02).heel(1, 0.4),
-                    home.right(-h - x, 0.0).weight(0.8, 0.04),
-                    home.right(-h - x, 0.0).weight(0.1, 0.02).heel(1, 0.35),
-                    home.weight(0.8, 0.03),
-                    home.weight(0.9, 0.02).heel(0, 0.4),
-                ][count % 8]
-            }
-            Self::Turn => {
-                let quarter = std::f64::consts::FRAC_PI_2;
-                let yaw = |k: usize| -quarter * k.min(4) as f64;
-                if count % 8 >= 4 {
-                    let rest = side(count, home.weight(0.68, 0.05 * size).heel(0, 0.25));
-                    return rest.placed([0.0; 2], yaw(4));
-                }
-                let k = count % 8 + 1;
-                let now = home.placed([0.0; 2], yaw(k));
-                let before = home.placed([0.0; 2], yaw(k - 1));
-                let mut stance = now;
-                let stays = k % 2; // the right foot begins
-                let last = k == 4;
-                if !last {
-                    stance.feet[1 - stays] = now.feet[1 - stays];
-                    stance.feet[stays] = before.feet[stays];
-                    stance.feet[stays].yaw -= quarter / 2.0;
-                }
-                stance.weight(if stays == 0 { 0.8 } else { 0.2 }, 0.04)
-            }
-            Self::Walk => {
-                let place = [1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0, 0.0][count % 8] * 0.2 * size;
-                let before = [0.0, 1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0][count % 8] * 0.2 * size;
-                let stance = if even {
-                    home.right(-h, place).left(h, before).weight(0.88, 0.04).heel(0, 0.3)
-                } else {
-                    home.left(h, place).right(-h, before).weight(0.12, 0.04).heel(1, 0.3)
-                };
-                stance.placed([0.0, -0.4 * size], 0.0)
-            }
+            Self::Squat => home.wider(0.08).weight(0.5, if even { 0.20 * size } else { 0.0 }),
+            Self::Twist => of_side(count, twist(size)),
+            Self::Salsa => salsa(count, [0.0, 0.24 * size], [0.0, -0.24 * size]),
+            Self::SalsaSide => salsa(count, [0.24 * size, 0.0], [-0.24 * size, 0.0]),
+            Self::Turn => turn(count, size),
+            Self::Walk => walk(count, size),
         }
     }
 
@@ -335,4 +218,112 @@ impl Steps {
     pub(crate) fn turns_rad(self) -> f64 {
         if self == Self::Turn { -std::f64::consts::TAU } else { 0.0 }
     }
+}
+
+/// Steps begin with one side and go on with the other.
+fn of_side(count: usize, stance: StepStance) -> StepStance {
+    if count.is_multiple_of(2) { stance } else { stance.mirrored() }
+}
+
+fn step_touch(count: usize, size: f64) -> StepStance {
+    let (home, h, out) = (StepStance::home(), HOME_M, 0.30 * size);
+    let apart = home.right(-h - out, 0.0);
+    let stance = match count % 4 {
+        0 => apart.weight(0.9, 0.05),
+        1 => apart.left(-out + 0.04, 0.02).heel(0, 0.5).weight(0.97, 0.02),
+        2 => apart.weight(0.1, 0.05),
+        _ => home.right(0.04 - h, 0.02).heel(1, 0.5).weight(0.03, 0.02),
+    };
+    stance.placed([0.5 * out, 0.0], 0.0)
+}
+
+/// Two steps to a side and back. The foot that closes goes `behind` the other and `past` it.
+fn two_steps(count: usize, size: f64, behind: f64, past: f64) -> StepStance {
+    let out = 0.30 * size;
+    let at = |left: [f64; 2], right: [f64; 2], weight: f64| {
+        let stance = StepStance::home().left(HOME_M + left[0], left[1]);
+        stance.right(-HOME_M + right[0], right[1]).weight(weight, 0.045)
+    };
+    let stance = match count % 8 {
+        0 => at([0.0, 0.0], [-out, 0.0], 0.85),
+        1 => at([-out - past, behind], [-out, 0.0], 0.2),
+        2 => at([-out - past, behind], [-2.0 * out, 0.0], 0.85),
+        3 => at([-2.0 * out + 0.04, 0.02], [-2.0 * out, 0.0], 0.97).heel(0, 0.5),
+        4 => at([-out, 0.0], [-2.0 * out, 0.0], 0.15),
+        5 => at([-out, 0.0], [-out + past, behind], 0.8),
+        6 => at([0.0, 0.0], [-out + past, behind], 0.15),
+        _ => at([0.0, 0.0], [-0.04, 0.02], 0.03).heel(1, 0.5),
+    };
+    stance.placed([out, 0.0], 0.0)
+}
+
+fn charleston(count: usize, size: f64) -> StepStance {
+    let (home, h, z) = (StepStance::home(), HOME_M, 0.22 * size);
+    let (ahead, back) = (home.right(-h, z), home.left(h, -0.18 * size));
+    match count % 4 {
+        0 => ahead.weight(0.9, 0.05),
+        1 => ahead.left(h, z + 0.34 * size).lift(0, 0.22 * size).weight(1.0, 0.02),
+        2 => back.right(-h, z).weight(0.1, 0.06),
+        _ => back.right(-h, -0.44 * size).heel(1, 0.6).weight(0.05, 0.06),
+    }
+}
+
+fn twist(size: f64) -> StepStance {
+    let feet = StepStance::home().wider(0.03).heel(0, 0.22).heel(1, 0.22);
+    let mut twist = feet.weight(0.62, 0.07);
+    for foot in &mut twist.feet {
+        foot.yaw += 0.55 * size;
+    }
+    twist.yaw = 0.35 * size;
+    twist
+}
+
+/// A break of the left foot to one place (x, z) and of the right foot to another.
+fn salsa(count: usize, left: [f64; 2], right: [f64; 2]) -> StepStance {
+    let home = StepStance::home();
+    let broken_left = home.left(HOME_M + left[0], left[1]);
+    let broken_right = home.right(-HOME_M + right[0], right[1]);
+    match count % 8 {
+        0 => broken_left.weight(0.2, 0.04),
+        1 => broken_left.weight(0.9, 0.02).heel(0, 0.35),
+        2 => home.weight(0.2, 0.03),
+        3 => home.weight(0.1, 0.02).heel(1, 0.4),
+        4 => broken_right.weight(0.8, 0.04),
+        5 => broken_right.weight(0.1, 0.02).heel(1, 0.35),
+        6 => home.weight(0.8, 0.03),
+        _ => home.weight(0.9, 0.02).heel(0, 0.4),
+    }
+}
+
+/// A quarter on each of four counts, then four of rest.
+fn turn(count: usize, size: f64) -> StepStance {
+    let home = StepStance::home();
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let yaw = |k: usize| -quarter * k.min(4) as f64;
+    if count % 8 >= 4 {
+        let rest = of_side(count, home.weight(0.68, 0.05 * size).heel(0, 0.25));
+        return rest.placed([0.0; 2], yaw(4));
+    }
+    let k = count % 8 + 1;
+    let mut stance = home.placed([0.0; 2], yaw(k));
+    let before = home.placed([0.0; 2], yaw(k - 1));
+    let stays = k % 2; // the right foot begins
+    if k < 4 {
+        stance.feet[stays] = before.feet[stays];
+        stance.feet[stays].yaw -= quarter / 2.0;
+    }
+    stance.weight(if stays == 0 { 0.8 } else { 0.2 }, 0.04)
+}
+
+/// Four steps ahead, four back.
+fn walk(count: usize, size: f64) -> StepStance {
+    const PLACES: [f64; 8] = [1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0, 0.0];
+    let place = PLACES[count % 8] * 0.2 * size;
+    let before = PLACES[(count + 7) % 8] * 0.2 * size;
+    let home = StepStance::home();
+    let stance = match count.is_multiple_of(2) {
+        true => home.right(-HOME_M, place).left(HOME_M, before).weight(0.88, 0.04).heel(0, 0.3),
+        false => home.left(HOME_M, place).right(-HOME_M, before).weight(0.12, 0.04).heel(1, 0.3),
+    };
+    stance.placed([0.0, -0.4 * size], 0.0)
 }
