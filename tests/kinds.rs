@@ -109,11 +109,11 @@ fn corners_are_known_by_name_and_by_place() {
 }
 
 /// Drafted by trying how much of a dance it stands in the simulated world.
-fn drafted_in_the_world(rig: &Rig) -> Robot {
+fn drafted_in_the_world(description: &str) -> Robot {
     let folder = tempfile::tempdir().unwrap();
-    let urdf = folder.path().join("dog.urdf");
-    std::fs::write(&urdf, rig.urdf()).unwrap();
-    let out = folder.path().join("dog.toml");
+    let urdf = folder.path().join("rig.urdf");
+    std::fs::write(&urdf, description).unwrap();
+    let out = folder.path().join("rig.toml");
     let dances = [TrialDance { clip: trial_dance(), wild: false }];
     new_robot(&urdf, &out, false, DraftOptions::default(), &trial_dance(), &dances).unwrap();
     Robot::load(&out.display().to_string()).unwrap()
@@ -121,17 +121,51 @@ fn drafted_in_the_world(rig: &Rig) -> Robot {
 
 #[test]
 fn a_fallen_quadruped_is_not_drafted() {
-    let robot = drafted_in_the_world(&four_legged(["a", "b", "c", "d"]));
+    let robot = drafted_in_the_world(&four_legged(["a", "b", "c", "d"]).urdf());
     assert!(robot.retarget.stance.stands(), "it falls in its world");
 }
 
 /// As Mors and Pupper: with all of its movement it would slip or tip, with a part it dances.
 #[test]
 fn a_quadruped_that_cannot_stand_all_dances_less() {
-    let robot = drafted_in_the_world(&legs_at(["a", "b", "c", "d"], [0.12, 0.04]));
+    let robot = drafted_in_the_world(&legs_at(["a", "b", "c", "d"], [0.12, 0.04]).urdf());
     assert!(robot.retarget.stance.stands(), "it falls in its world");
     let torso = robot.retarget.gain.torso;
     assert!((0.1..0.9).contains(&torso), "{torso} of the trunk's movement");
+}
+
+/// Two legs below a mast of so many metres.
+fn legs_below_a_mast(height_m: f64) -> Rig {
+    let mut rig = Rig::new().joint("fixed", "mast", "base", &format!("0 0 {height_m}"), "");
+    for (side, y) in [("left", 0.08), ("right", -0.08)] {
+        let part = |part: &str| format!("{side}_{part}");
+        let link = |part: &str| format!("{side}_{part}_link");
+        rig = rig
+            .joint("revolute", &part("hip_yaw"), "base", &format!("0 {y} 0"), Z)
+            .joint("revolute", &part("hip_roll"), &link("hip_yaw"), "0 0 0", X)
+            .joint("revolute", &part("hip_pitch"), &link("hip_roll"), "0 0 0", Y)
+            .joint("revolute", &part("knee"), &link("hip_pitch"), "0 0 -0.2", Y)
+            .joint("revolute", &part("ankle_pitch"), &link("knee"), "0 0 -0.2", Y)
+            .joint("revolute", &part("ankle_roll"), &link("ankle_pitch"), "0 0 0", X)
+            .joint("fixed", &part("foot"), &link("ankle_roll"), "0 0 -0.04", "");
+    }
+    rig
+}
+
+#[test]
+fn legs_alone_that_leave_no_margin_dance_a_little() {
+    let robot = drafted_in_the_world(&legs_below_a_mast(3.8).urdf());
+    assert!(robot.retarget.stance.stands(), "it falls in its world");
+    let torso = robot.retarget.gain.torso;
+    assert!((0.1..0.2).contains(&torso), "{torso} of the pelvis's movement");
+}
+
+#[test]
+fn a_body_without_masses_is_hung() {
+    let rig = legs_below_a_mast(0.2).urdf();
+    assert!(drafted_in_the_world(&rig).retarget.stance.stands(), "with masses it stands");
+    let robot = drafted_in_the_world(&rig.replace("mass value=\"0.2\"", "mass value=\"0\""));
+    assert!(!robot.retarget.stance.stands(), "what it stands cannot be tried");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use super::file_text::{FilePlan, robot_file};
 use crate::offline::motion_tracking::{TrackedMotion, track_motion};
-use crate::physics::{StandingAmplitude, find_amplitude};
+use crate::physics::find_amplitude;
 use crate::robot::config_source::ConfigSource;
 use crate::robot::loaded::Robot;
 use crate::robot::overrides::Overrides;
@@ -58,15 +58,16 @@ impl FilePlan<'_> {
     /// Finds how much of a dance the robot can stand in the simulated world.
     fn keep_on_its_feet(&mut self) -> anyhow::Result<()> {
         let robot = self.parse()?;
-        let found = find_amplitude(&robot, self.dances, true)?;
-        let config = &mut self.draft.config;
-        let Some(StandingAmplitude { shares, .. }) = found else {
-            config.stance = Stance::Hung;
-            self.tried.push(
-                "in the simulated world it falls whatever it leaves out: hung on a stand".into(),
-            );
+        let links = robot.retargeter()?.rigid_links();
+        if links.iter().all(|link| link.mass_kg == 0.0) {
+            self.hang("no link has a mass, so that nothing tells whether it would fall");
+            return Ok(());
+        }
+        let Some(found) = find_amplitude(&robot, self.dances, true)? else {
+            self.hang("in the simulated world it falls whatever it leaves out");
             return Ok(());
         };
+        let (shares, config) = (found.shares, &mut self.draft.config);
         shares.scale(config);
         let shown = match config.kind {
             BodyKind::Quadruped => {
@@ -79,6 +80,11 @@ impl FilePlan<'_> {
              with {shown}"
         ));
         Ok(())
+    }
+
+    fn hang(&mut self, why: &str) {
+        self.draft.config.stance = Stance::Hung;
+        self.tried.push(format!("{why}: hung on a stand"));
     }
 
     fn stand(&mut self) -> anyhow::Result<Result<String, String>> {
