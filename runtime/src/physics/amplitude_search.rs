@@ -26,9 +26,10 @@ const ARMS: [f64; 4] = [0.85, 0.7, 0.55, 0.4];
 /// for dances that it was not tried with.
 const MOST_LEAN: f64 = 0.6;
 /// Mean squared speed of arms, head and waist over what their limits allow: with more than
-/// `SPARE_ARMS` a smaller limit costs little and leaves the robot steadier; with less than
+/// `PLENTY_OF_ARMS` a smaller limit costs little and leaves the robot steadier; with less than
 /// `ENOUGH_ARMS` the pelvis, whose movement takes from what the soles can carry of the arms,
-/// moves less.
+/// moves less. `SPARE_ARMS` are left before it does for want of a margin.
+const PLENTY_OF_ARMS: f64 = 0.85;
 const SPARE_ARMS: f64 = 0.75;
 const ENOUGH_ARMS: f64 = 0.55;
 
@@ -108,7 +109,7 @@ pub fn find_amplitude(
     if robot.retarget.kind == BodyKind::Quadruped {
         return trials.on_four_feet();
     }
-    let legs_alone = trials.free_speed2 == 0.0;
+    let legs_alone = trials.are_legs_alone();
     let mut without_margin = Vec::new();
     for pelvis in if legs_alone { LEGS } else { PELVIS } {
         for shares in trials.shares(pelvis)? {
@@ -164,7 +165,9 @@ impl<'a> Trials<'a> {
             robot,
             sized,
             most_lean_deg: tipping_rad.map_or(f64::INFINITY, |it| MOST_LEAN * it.to_degrees()),
-            free_speed2: mean(&dances, |dance| upper_speed2_by_limits(robot, &dance.frames()))?,
+            free_speed2: mean(dances.iter().chain(&wild), |dance| {
+                upper_speed2_by_limits(robot, &dance.frames())
+            })?,
             dances,
             wild,
         })
@@ -176,30 +179,36 @@ impl<'a> Trials<'a> {
         scaled
     }
 
+    fn are_legs_alone(&self) -> bool {
+        self.free_speed2 == 0.0
+    }
+
     fn arms_kept(&self, shares: StandingShares) -> anyhow::Result<f64> {
-        if self.free_speed2 == 0.0 {
+        if self.are_legs_alone() {
             return Ok(1.0);
         }
         let scaled = self.scaled(shares);
-        Ok(mean(&self.dances, |dance| upper_speed2(&scaled, &dance.frames()))? / self.free_speed2)
+        let every = self.dances.iter().chain(&self.wild);
+        Ok(mean(every, |dance| upper_speed2(&scaled, &dance.frames()))? / self.free_speed2)
     }
 
-    /// What is tried with a share of the pelvis and all of the arms, largest first: one limit
-    /// where the pelvis moves, with the pelvis at rest all that are left.
+    /// What is tried with a share of the pelvis and all of the arms, largest first: limits
+    /// that leave the arms spare movement where the pelvis moves, with the pelvis at rest all.
     fn shares(&self, pelvis: f64) -> anyhow::Result<Vec<StandingShares>> {
         let limits = LIMITS.map(|limit| StandingShares::new(pelvis, limit, 1.0));
-        let mut first = 0;
-        while first + 1 < limits.len() && self.arms_kept(limits[first + 1])? >= SPARE_ARMS {
-            first += 1;
+        if self.are_legs_alone() {
+            return Ok(limits[..1].to_vec());
         }
-        // Without arms the limit holds nothing back.
-        if self.arms_kept(limits[first])? == self.arms_kept(limits[0])? {
-            first = 0;
+        let mut kept = Vec::new();
+        for shares in limits {
+            kept.push(self.arms_kept(shares)?);
+            if kept.last().is_none_or(|kept| *kept < SPARE_ARMS) {
+                break;
+            }
         }
-        if pelvis > 0.0 {
-            return Ok(vec![limits[first]]);
-        }
-        Ok(limits[first..].to_vec())
+        let with = |least: f64| kept.iter().filter(|kept| **kept >= least).count().max(1);
+        let until = if pelvis > 0.0 { with(SPARE_ARMS) } else { limits.len() };
+        Ok(limits[with(PLENTY_OF_ARMS) - 1..until].to_vec())
     }
 
     /// The largest share of the trunk's movement with which it does not fall.
@@ -244,9 +253,12 @@ impl<'a> Trials<'a> {
     }
 }
 
-fn mean(dances: &[&Clip], of: impl Fn(&Clip) -> anyhow::Result<f64>) -> anyhow::Result<f64> {
-    let sum: f64 = dances.iter().copied().map(of).sum::<anyhow::Result<f64>>()?;
-    Ok(sum / dances.len().max(1) as f64)
+fn mean<'a>(
+    dances: impl Iterator<Item = &'a &'a Clip>,
+    of: impl Fn(&Clip) -> anyhow::Result<f64>,
+) -> anyhow::Result<f64> {
+    let each = dances.map(|dance| of(dance)).collect::<anyhow::Result<Vec<f64>>>()?;
+    Ok(each.iter().sum::<f64>() / each.len().max(1) as f64)
 }
 
 /// The report of the trial that leaned most; `None` if the robot fell in one.

@@ -1,6 +1,7 @@
 //! A known motion is danced in the simulated world: does the robot stay on its feet?
 
 use std::collections::VecDeque;
+use std::ops::ControlFlow;
 
 use servodance_sim::world::{Push, World, WorldOptions};
 use servodance_types::{FRAME_RATE_HZ, JointState, MotionFrame, Placement, RigidLink};
@@ -135,95 +136,158 @@ impl StandingTrial {
         frames: &[MotionFrame],
         mut each: impl FnMut(f64, &[f64], &World),
     ) -> anyhow::Result<TrialReport> {
-        let mechanics: Vec<_> = self.servos.iter().map(|servo| servo.mechanics).collect();
-        let steps = (self.period_s / self.options.world.dt_s).ceil();
-        let options = WorldOptions { dt_s: self.period_s / steps, ..self.options.world };
-        let mut world = World::new(&self.links, &mechanics, options)?;
         let mut targets = self.retargeter.rest().to_vec();
-        let root = self.retargeter.root_placement(&targets);
-        world.place(Some(&root), &targets);
-        let mut drives = vec![Default::default(); targets.len()];
-        let mut states = vec![JointState::default(); targets.len()];
-        let mut sums = Sums::default();
-        let mut report = TrialReport::default();
+        let mut world = self.world(&targets)?;
+        let mut seen = Seen::new(&self, &targets);
         let mut waiting = frames.iter().peekable();
         let settle = (SETTLE_S / self.period_s).round() as i64;
         let cycles = (frames.len() as f64 / FRAME_RATE_HZ / self.period_s) as i64;
-        let mut before = targets.clone();
-        let mut plans = VecDeque::from(vec![root; self.lag_cycles + 1]);
+        let pushed = Self::push_cycle(frames.len(), self.period_s) as i64 - settle;
         for cycle in -settle..cycles {
             let time_s = cycle as f64 * self.period_s;
-            while let Some(frame) =
-                waiting.next_if(|f| f.time_s <= time_s + self.retargeter.lookahead_s())
-            {
+            let needed_s = time_s + self.retargeter.lookahead_s();
+            while let Some(frame) = waiting.next_if(|frame| frame.time_s <= needed_s) {
                 self.retargeter.push(frame);
             }
             if cycle >= 0 {
                 self.retargeter.next(time_s, &mut targets)?;
             }
-            if cycle == Self::push_cycle(frames.len(), self.period_s) as i64 - settle
-                && self.options.push_ns != [0.0; 2]
-            {
-                let force_n = self.options.push_ns.map(|impulse| impulse / 0.05);
-                world.push(Push {
-                    force_n: [force_n[0], force_n[1], 0.0],
-                    until_s: world.time_s() + 0.05,
-                });
+            if cycle == pushed {
+                self.push(&mut world);
             }
-            let mut commands = targets.clone();
-            if let Some(feedback) = &mut self.feedback {
-                if cycle > -settle {
-                    read_joints(&world, &mut states);
-                    feedback.feel(&self.retargeter, &states);
-                }
-                report.lifted_s += if feedback.is_lifted() { self.period_s } else { 0.0 };
-                let reading = world.imu().filter(|_| self.options.feedback);
-                feedback.correct(&self.retargeter, reading.as_ref(), &mut commands);
-                self.retargeter.set_steady(feedback.is_steady());
-            }
-            for _ in 0..steps as usize {
-                for (joint, (drive, servo)) in drives.iter_mut().zip(&self.servos).enumerate() {
-                    *drive = servo.drive(commands[joint], world.joint(joint).0);
-                }
-                world.step(&drives);
+            let commands = self.commands(&world, &targets, cycle > -settle);
+            seen.lifted(&self);
+            self.simulate(&mut world, &commands, |world| {
                 if cycle >= 0 {
-                    sums.slip(&world);
+                    seen.sums.slip(world);
                 }
-            }
+            });
             each(time_s, &commands, &world);
-            if cycle < 0 {
-                continue;
-            }
-            let announces = self.feedback.as_ref().is_some_and(BalanceFeedback::is_falling);
-            if announces && report.announced_s.is_none() {
-                report.announced_s = Some(time_s);
-            }
-            if let Some(fell_s) = report.fell_s {
-                if world.lies() || time_s > fell_s + 1.0 {
-                    report.struck_s = Some(time_s);
-                    break;
-                }
-                continue;
-            }
-            plans.push_back(self.retargeter.root_placement(&targets));
-            plans.pop_front();
-            sums.cycle(&world, &plans[0]);
-            sums.upper(&self.upper, &targets, &before, self.period_s);
-            before.copy_from_slice(&targets);
-            if world.has_fallen() {
-                report.fell_s = Some(time_s);
+            if cycle >= 0 && seen.cycle(&self, &world, &targets, time_s).is_break() {
+                break;
             }
         }
-        let counts = self.retargeter.counts();
-        (report.steps, report.refused_steps) = (counts.steps, counts.refused_steps);
-        Ok(sums.into_report(report, &world, self.period_s))
+        Ok(seen.into_report(&self, &world))
+    }
+
+    /// The robot in its world, in this pose.
+    fn world(&self, positions_rad: &[f64]) -> anyhow::Result<World> {
+        let mechanics: Vec<_> = self.servos.iter().map(|servo| servo.mechanics).collect();
+        let dt_s = self.period_s / f64::from(self.steps());
+        let options = WorldOptions { dt_s, ..self.options.world };
+        let mut world = World::new(&self.links, &mechanics, options)?;
+        world.place(Some(&self.retargeter.root_placement(positions_rad)), positions_rad);
+        Ok(world)
+    }
+
+    /// Of the world in a control cycle.
+    fn steps(&self) -> u32 {
+        (self.period_s / self.options.world.dt_s).ceil() as u32
+    }
+
+    fn push(&self, world: &mut World) {
+        if self.options.push_ns == [0.0; 2] {
+            return;
+        }
+        let force_n = self.options.push_ns.map(|impulse| impulse / 0.05);
+        world.push(Push { force_n: [force_n[0], force_n[1], 0.0], until_s: world.time_s() + 0.05 });
+    }
+
+    /// What the servos are told for these targets; `feels` the world once it has moved.
+    fn commands(&mut self, world: &World, targets: &[f64], feels: bool) -> Vec<f64> {
+        let mut commands = targets.to_vec();
+        let Some(feedback) = &mut self.feedback else { return commands };
+        if feels {
+            let joint = |index| {
+                let (position_rad, velocity_rad_s) = world.joint(index);
+                JointState { position_rad, velocity_rad_s, current_a: 0.0 }
+            };
+            let states: Vec<JointState> = (0..targets.len()).map(joint).collect();
+            feedback.feel(&self.retargeter, &states);
+        }
+        let reading = world.imu().filter(|_| self.options.feedback);
+        feedback.correct(&self.retargeter, reading.as_ref(), &mut commands);
+        self.retargeter.set_steady(feedback.is_steady());
+        commands
+    }
+
+    /// One control cycle of the world; `each` sees every step.
+    fn simulate(&self, world: &mut World, commands: &[f64], mut each: impl FnMut(&World)) {
+        let mut drives = Vec::with_capacity(commands.len());
+        for _ in 0..self.steps() {
+            let servos = self.servos.iter().zip(commands).enumerate();
+            drives.clear();
+            drives.extend(
+                servos.map(|(joint, (servo, wish))| servo.drive(*wish, world.joint(joint).0)),
+            );
+            world.step(&drives);
+            each(world);
+        }
     }
 }
 
-fn read_joints(world: &World, states: &mut [JointState]) {
-    for (joint, state) in states.iter_mut().enumerate() {
-        let (position_rad, velocity_rad_s) = world.joint(joint);
-        *state = JointState { position_rad, velocity_rad_s, current_a: 0.0 };
+/// What was seen of a trial so far.
+struct Seen {
+    report: TrialReport,
+    sums: Sums,
+    /// Targets of the cycle before.
+    before: Vec<f64>,
+    /// Where the root was planned to be, over one servo lag.
+    plans: VecDeque<Placement>,
+}
+
+impl Seen {
+    fn new(trial: &StandingTrial, targets: &[f64]) -> Self {
+        let root = trial.retargeter.root_placement(targets);
+        Self {
+            report: TrialReport::default(),
+            sums: Sums::default(),
+            before: targets.to_vec(),
+            plans: VecDeque::from(vec![root; trial.lag_cycles + 1]),
+        }
+    }
+
+    fn lifted(&mut self, trial: &StandingTrial) {
+        if trial.feedback.as_ref().is_some_and(BalanceFeedback::is_lifted) {
+            self.report.lifted_s += trial.period_s;
+        }
+    }
+
+    /// After a cycle of the dance; breaks off when a robot that fell lies.
+    fn cycle(
+        &mut self,
+        trial: &StandingTrial,
+        world: &World,
+        targets: &[f64],
+        time_s: f64,
+    ) -> ControlFlow<()> {
+        let announces = trial.feedback.as_ref().is_some_and(BalanceFeedback::is_falling);
+        if announces && self.report.announced_s.is_none() {
+            self.report.announced_s = Some(time_s);
+        }
+        if let Some(fell_s) = self.report.fell_s {
+            if world.lies() || time_s > fell_s + 1.0 {
+                self.report.struck_s = Some(time_s);
+                return ControlFlow::Break(());
+            }
+            return ControlFlow::Continue(());
+        }
+        self.plans.push_back(trial.retargeter.root_placement(targets));
+        self.plans.pop_front();
+        self.sums.cycle(world, &self.plans[0]);
+        self.sums.upper(&trial.upper, targets, &self.before, trial.period_s);
+        self.before.copy_from_slice(targets);
+        if world.has_fallen() {
+            self.report.fell_s = Some(time_s);
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn into_report(self, trial: &StandingTrial, world: &World) -> TrialReport {
+        let counts = trial.retargeter.counts();
+        let report =
+            TrialReport { steps: counts.steps, refused_steps: counts.refused_steps, ..self.report };
+        self.sums.into_report(report, world, trial.period_s)
     }
 }
 
