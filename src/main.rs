@@ -4,7 +4,9 @@
 //! usage; 130: stopped by Ctrl-C (torque is off, files are whole).
 
 use clap::Parser;
-use servodance::cli::Cli;
+use servodance::cli::{Cli, INTERRUPTED};
+use servodance_runtime::process::console::{self, stderr_line};
+use servodance_runtime::process::interrupted::Interrupted;
 use servodance_runtime::process::wrong_usage::WrongUsage;
 use std::process::ExitCode;
 
@@ -12,15 +14,26 @@ use std::process::ExitCode;
 const WRONG_USAGE: u8 = 2;
 
 fn main() -> ExitCode {
-    servodance_runtime::process::console::report_panics_in_one_line();
-    Cli::parse().run().unwrap_or_else(|error| {
-        let text = one_line(&error);
-        servodance_runtime::process::console::stderr(format_args!("error: {text}\n"));
-        match WrongUsage::is_in(&error) {
-            true => ExitCode::from(WRONG_USAGE),
-            false => ExitCode::FAILURE,
-        }
-    })
+    console::report_panics_in_one_line();
+    let ended = Cli::parse().run().unwrap_or_else(|error| told(&error));
+    if console::output_is_cut() {
+        stderr_line!("error: standard output could not be written: what stands there is cut");
+        return ExitCode::FAILURE;
+    }
+    ended
+}
+
+/// Prints an error; its exit code.
+fn told(error: &anyhow::Error) -> ExitCode {
+    if error.is::<Interrupted>() {
+        stderr_line!("{error}");
+        return ExitCode::from(INTERRUPTED);
+    }
+    stderr_line!("error: {}", one_line(error));
+    match WrongUsage::is_in(error) {
+        true => ExitCode::from(WRONG_USAGE),
+        false => ExitCode::FAILURE,
+    }
 }
 
 /// The error and its causes, in one line.

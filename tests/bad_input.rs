@@ -88,6 +88,18 @@ fn a_wrong_key_in_a_robot_file_is_named_with_its_line() {
 }
 
 #[test]
+fn a_description_is_no_robot_file() {
+    let program = Program::new();
+    std::fs::write(program.path("my.urdf"), include_str!("../configs/op3.urdf")).unwrap();
+    program.refused(&dance(&["--robot", "my.urdf"]), &["my.urdf", "servodance robot new"]);
+}
+
+#[test]
+fn no_way_up_is_said_before_anything_moves() {
+    Program::new().refused(&["getup", "--robot", "neck"], &["neck", "no way up", "[getup]"]);
+}
+
+#[test]
 fn a_missing_urdf_is_named() {
     let program = Program::new();
     std::fs::write(program.path("my.toml"), include_str!("../configs/op3.toml")).unwrap();

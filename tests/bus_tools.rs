@@ -365,6 +365,12 @@ fn servos_check_tells_what_another_program_left_and_puts_it_right() {
     let fixed = text(&program.succeed(&[&check[..], &["--fix", "--yes"]].concat()).stdout);
     assert!(fixed.contains("shutdown changed from 0 to 52"), "{fixed}");
     program.succeed(&check);
+    // What arming would refuse.
+    left_behind(&bus, 1, at::MAX_POSITION, 90);
+    let run = program.run(&check);
+    let found = text(&run.stdout);
+    assert_eq!(run.status.code(), Some(1), "{found}");
+    assert!(found.contains("neck_pan (id 1): position limits in the servo"), "{found}");
 }
 
 #[test]

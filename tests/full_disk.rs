@@ -18,6 +18,16 @@ fn with_little_room(program: &Program, blocks: u32, arguments: &[&str]) -> std::
 }
 
 #[test]
+fn output_that_is_cut_is_no_success() {
+    let program = Program::new();
+    let full = std::fs::File::create("/dev/full").expect("a full disk");
+    let run = program.command(&["robots"]).stdout(full).output().expect("it runs");
+    let said = String::from_utf8_lossy(&run.stderr);
+    assert_eq!(run.status.code(), Some(1), "{said}");
+    assert!(said.contains("standard output could not be written"), "{said}");
+}
+
+#[test]
 fn a_full_disk_ends_the_recording_and_not_the_dance() {
     let program = Program::new();
     let arguments = ["dance", "--record", "out.mcap", "--report", "out.json", "--no-picture"];

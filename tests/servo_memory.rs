@@ -193,6 +193,11 @@ fn a_backup_is_restored_where_it_differs_and_nowhere_else() {
     assert!(said.contains("neck_tilt: XM430-W350 with id 2 at 1000000 baud"), "{said}");
     let file = std::fs::read_to_string(program.path("neck-servos.toml")).expect("the backup");
     assert!(file.contains("temperature_limit = 80  # 80 C\n"), "{file}");
+    // An older backup may be all that is left of a servo.
+    let (_, error, code) = run(&servos("backup", &["--out", "neck-servos.toml"]));
+    assert!(error.contains("--force") && code == Some(1), "{error}");
+    let (_, error, code) = run(&servos("backup", &["--out", "neck-servos.toml", "--force"]));
+    assert_eq!(code, Some(0), "{error}");
 
     let restore = servos("restore", &["neck-servos.toml"]);
     let (said, error, code) = run(&restore);

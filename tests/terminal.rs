@@ -3,6 +3,7 @@
 
 use crate::program::Program;
 use crate::torque_off::{alone, signal};
+use nix::fcntl::{FcntlArg, FdFlag, fcntl};
 use nix::sys::termios::{LocalFlags, tcgetattr};
 use std::fs::File;
 use std::io::{Read, Write};
@@ -176,6 +177,38 @@ fn the_terminal_is_given_back_whatever_happens() {
     signal(&screen.child, "-INT");
     let (status, text) = screen.ends("");
     assert_eq!(status.code(), Some(130), "{text}");
+}
+
+/// As when the network to a remote terminal breaks.
+#[test]
+fn a_terminal_that_goes_away_ends_the_dance() {
+    let _alone = alone();
+    let size = nix::pty::Winsize { ws_row: 24, ws_col: 80, ws_xpixel: 0, ws_ypixel: 0 };
+    let terminal = nix::pty::openpty(Some(&size), None).expect("a terminal");
+    // The program must not keep its own terminal alive.
+    fcntl(&terminal.master, FcntlArg::F_SETFD(FdFlag::FD_CLOEXEC)).expect("the far end");
+    let program = Program::new();
+    let robot = program.unhurried_robot("neck");
+    let line = || Stdio::from(terminal.slave.try_clone().expect("the line"));
+    let mut command = program.command(&["dance", "--robot", &robot, "--tui", "--no-picture"]);
+    let mut child = command.stdin(line()).stdout(line()).stderr(line()).spawn().expect("it starts");
+    drop((command, terminal.slave));
+    let mut screen = File::from(terminal.master);
+    let (mut seen, mut bytes) = (Vec::new(), [0; 4096]);
+    while !String::from_utf8_lossy(&seen).contains("neck_pan") {
+        let count = screen.read(&mut bytes).expect("a screen");
+        seen.extend_from_slice(&bytes[..count]);
+    }
+    drop(screen);
+    let start = Instant::now();
+    let status = loop {
+        if let Some(status) = child.try_wait().expect("its state") {
+            break status;
+        }
+        assert!(start.elapsed() < PATIENCE, "it goes on for nobody");
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    assert_eq!(status.code(), Some(1), "an emergency stop");
 }
 
 #[test]

@@ -90,13 +90,29 @@ fn ctrl_c_turns_torque_off() {
 }
 
 #[test]
-fn termination_turns_torque_off() {
+fn every_signal_that_ends_it_turns_torque_off() {
     let _alone = alone();
-    let (program, bus) = (Program::new(), servos());
-    let child = dancing(&program, &bus);
-    signal(&child, "-TERM");
-    child.wait_with_output().expect("it ends");
-    assert_eq!(torques(&bus), 0);
+    for name in ["-TERM", "-HUP", "-QUIT"] {
+        let (program, bus) = (Program::new(), servos());
+        let child = dancing(&program, &bus);
+        signal(&child, name);
+        let output = child.wait_with_output().expect("it ends");
+        assert_eq!((output.status.code(), torques(&bus)), (Some(130), 0), "{name}");
+    }
+}
+
+#[test]
+fn a_measurement_that_is_stopped_says_so() {
+    let _alone = alone();
+    let program = Program::new();
+    let mut command = program.command(&["latency", "--robot", "neck", "--clicks", "900"]);
+    let mut child = command.stderr(Stdio::piped()).spawn().expect("it starts");
+    std::thread::sleep(Duration::from_secs(2));
+    assert_eq!(child.try_wait().expect("its state"), None);
+    signal(&child, "-INT");
+    let output = child.wait_with_output().expect("it ends");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!((output.status.code(), said.trim()), (Some(130), "stopped; torque is off"));
 }
 
 #[test]
@@ -167,7 +183,7 @@ fn a_killed_program_leaves_servos_that_stop_by_themselves() {
 fn a_servo_that_dies_is_named_and_the_others_lose_torque() {
     let _alone = alone();
     let (program, bus) = (Program::new(), servos());
-    let child = dancing(&program, &bus);
+    let child = dancing_with(&program, &bus, &["--record", "x.mcap", "--report", "x.json"]);
     assert!(bus.set_servo_fault(12, ServoFault::Dead));
     let output = child.wait_with_output().expect("it ends");
     let error = String::from_utf8_lossy(&output.stderr);
@@ -176,6 +192,11 @@ fn a_servo_that_dies_is_named_and_the_others_lose_torque() {
     let powered: Vec<usize> =
         (0..20).filter(|i| *i != 12 && bus.servo(*i).expect("a servo").torque_enabled).collect();
     assert!(powered.is_empty(), "still powered: {powered:?}");
+    // What went wrong can be looked at.
+    let report = std::fs::read_to_string(program.path("x.json")).expect("a report");
+    assert!(report.contains("r_knee"), "{report}");
+    let recording = std::fs::metadata(program.path("x.mcap")).expect("a recording");
+    assert!(recording.len() > 1000);
 }
 
 #[test]

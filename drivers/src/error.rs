@@ -163,6 +163,11 @@ impl BusError {
         Self::Open { port: port.into(), reason: reason.to_string(), choices: String::new() }
     }
 
+    /// Whether a servo's own settings or condition are what is wrong.
+    pub(crate) fn is_of_the_servo(&self) -> bool {
+        matches!(self, Self::Unfit { .. } | Self::WrongModel { .. } | Self::Hardware { .. })
+    }
+
     pub(crate) fn brief(&self) -> String {
         match self {
             Self::TorqueUnverified { servos, .. } => {

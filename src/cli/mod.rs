@@ -224,10 +224,11 @@ impl Command {
     }
 }
 
-/// Set by Ctrl-C and by SIGTERM.
+/// Set by Ctrl-C, SIGTERM, SIGHUP, and by Ctrl-\\, which would leave torque on otherwise.
 pub(crate) fn stop_signal() -> anyhow::Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
     let handler_stop = Arc::clone(&stop);
     ctrlc::set_handler(move || handler_stop.store(true, Ordering::Release))?;
+    signal_hook::flag::register(signal_hook::consts::SIGQUIT, Arc::clone(&stop))?;
     Ok(stop)
 }

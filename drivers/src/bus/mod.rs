@@ -118,6 +118,12 @@ pub trait Bus: Send {
         Ok(Vec::new())
     }
 
+    /// Servos that would get no torque for what they say of themselves (model, condition,
+    /// supply, temperature, own limits), each with what does not fit; nothing is written.
+    fn refused(&mut self) -> BusResult<Vec<BusError>> {
+        Ok(Vec::new())
+    }
+
     /// What a servo adds to its own angle, ticks; `None` where it has no such setting.
     fn homing_offset(&mut self, _index: usize) -> BusResult<Option<i32>> {
         Ok(None)
@@ -224,6 +230,9 @@ impl<B: Bus + ?Sized> Bus for Box<B> {
     }
     fn deviations(&mut self) -> BusResult<Vec<ServoDeviation>> {
         (**self).deviations()
+    }
+    fn refused(&mut self) -> BusResult<Vec<BusError>> {
+        (**self).refused()
     }
     fn homing_offset(&mut self, index: usize) -> BusResult<Option<i32>> {
         (**self).homing_offset(index)

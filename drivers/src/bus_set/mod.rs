@@ -185,6 +185,14 @@ impl Bus for BusSet {
         Ok(all)
     }
 
+    fn refused(&mut self) -> BusResult<Vec<BusError>> {
+        let mut all = Vec::new();
+        for own in self.on_all("reading its limits", |bus| bus.refused()) {
+            all.extend(own?);
+        }
+        Ok(all)
+    }
+
     fn homing_offset(&mut self, index: usize) -> BusResult<Option<i32>> {
         self.on_one(index, "reading a homing offset", |bus, own| bus.homing_offset(own))?
     }

@@ -10,7 +10,7 @@ pub enum SafetyError {
     #[error("safety: {key} is {actual}, must be positive and at most {highest}")]
     Config { key: &'static str, actual: f64, highest: f64 },
     #[error("{0}; torque is off")]
-    Bus(#[source] BusError),
+    Bus(BusError),
     #[error("{cause}; {}", torque.brief())]
     Unsafe { cause: String, torque: BusError },
     #[error(

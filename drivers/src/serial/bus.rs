@@ -268,6 +268,19 @@ impl Bus for SerialBus {
         Ok(found)
     }
 
+    fn refused(&mut self) -> BusResult<Vec<BusError>> {
+        let mut found = Vec::new();
+        for (index, pinged) in self.client.ping_all()?.into_iter().enumerate() {
+            match self.check(index, &pinged) {
+                // The robot file's to say, not the servo's.
+                Ok(()) | Err(BusError::NoWatchdog { .. }) => {}
+                Err(error) if error.is_of_the_servo() => found.push(error),
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(found)
+    }
+
     fn homing_offset(&mut self, index: usize) -> BusResult<Option<i32>> {
         self.family.homing_offset(&mut self.client, index)
     }

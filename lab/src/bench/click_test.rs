@@ -20,6 +20,7 @@ use servodance_runtime::control::emergency_stop::EmergencyStopWatch;
 use servodance_runtime::control::idle;
 use servodance_runtime::control::robot_buses::RobotBuses;
 use servodance_runtime::pipeline::model_args::EngineArgs;
+use servodance_runtime::process::interrupted::Interrupted;
 use servodance_runtime::process::speed::Speed;
 use servodance_runtime::robot::Robot;
 use servodance_runtime::session::dance::open_generator;
@@ -124,7 +125,7 @@ pub fn measure(
     }
     rig.disarm("the clicks are over")?;
     if stop.load(Ordering::Relaxed) {
-        bail!("stopped; torque is off");
+        return Err(Interrupted.into());
     }
     let passages = track.passages();
     if passages.is_empty() {

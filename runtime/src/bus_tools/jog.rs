@@ -88,7 +88,7 @@ impl Jog<'_> {
         let fastest_deg_s = servo.limits.velocity_rad_s.to_degrees();
         if !(self.speed_deg_s > 0.0 && self.speed_deg_s <= fastest_deg_s) {
             bail!(
-                "--speed {} is outside 0..{fastest_deg_s:.0} degrees a second, the limit of {}",
+                "--speed {} must be above 0 and at most {fastest_deg_s:.0} degrees a second, the limit of {}",
                 self.speed_deg_s,
                 servo.name
             );

@@ -26,9 +26,10 @@ pub fn check(
     let ports = plug::ports(robot, ports)?;
     let mut bus = open_buses(&ports, &robot.buses, &robot.servos)?;
     let mut found = ServoCheck::default();
-    let deviations = bus.deviations()?;
+    let (deviations, refused) = (bus.deviations()?, bus.refused()?);
     found.lines.extend(deviations.iter().map(|deviation| line(robot, deviation)));
-    found.open = count_open(&deviations);
+    found.lines.extend(refused.iter().map(ToString::to_string));
+    found.open = count_open(&deviations) + refused.len();
     let fixable = |found: &&ServoDeviation| matches!(found.deviation.remedy, Remedy::Write(_));
     if !fix || deviations.iter().filter(fixable).count() == 0 {
         return Ok(found);
@@ -40,7 +41,7 @@ pub fn check(
     ))?;
     bus.disarm()?;
     found.lines.extend(bus.set_up()?);
-    found.open = count_open(&bus.deviations()?);
+    found.open = count_open(&bus.deviations()?) + bus.refused()?.len();
     Ok(found)
 }
 

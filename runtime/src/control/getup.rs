@@ -5,10 +5,11 @@ use super::bus_choice::BusChoice;
 use super::cycle_clock::CycleClock;
 use super::minimum_jerk::MinimumJerk;
 use super::robot_buses::{RobotBuses, SimulationPlan};
+use crate::process::interrupted::Interrupted;
 use crate::process::speed::Speed;
 use crate::robot::{GetupPlan, Lying, Robot};
 use crate::world::WorldChoice;
-use anyhow::{anyhow, bail};
+use anyhow::{Context, anyhow, bail};
 use servodance_drivers::EStop;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -39,6 +40,11 @@ impl GetUp<'_> {
     /// Gets up; returns what came of it, in a line. Torque is off in the end. Fails where
     /// there is no way, or the robot does not stand after it.
     pub fn run(&self, speed: Speed, stop: &AtomicBool) -> anyhow::Result<String> {
+        if self.robot.getup.is_none() {
+            let (name, side) = (&self.robot.name, self.lying.map(Lying::name));
+            let side = side.map(|side| format!(" from its {side}")).unwrap_or_default();
+            bail!("{name} has no way up{side} ([getup] in its file): put it on its feet");
+        }
         let is_simulated = self.buses.iter().all(|choice| *choice == BusChoice::Sim);
         let world = if is_simulated { WorldChoice::Floor } else { WorldChoice::None };
         let lying = is_simulated.then_some(self.lying).flatten();
@@ -56,9 +62,8 @@ impl GetUp<'_> {
         let told = self.get_up(&mut motion);
         let cause = if told.is_ok() { "it stood" } else { "getting up failed" };
         let disarmed = motion.servos.disarm(cause);
-        let told = told?;
-        disarmed?;
-        Ok(told)
+        disarmed.context("torque off could not be verified: cut the power")?;
+        told
     }
 
     fn get_up(&self, motion: &mut Motion) -> anyhow::Result<String> {
@@ -102,7 +107,7 @@ struct Motion<'a> {
 impl Motion<'_> {
     fn cycle(&mut self) -> anyhow::Result<()> {
         if self.stop.load(Ordering::Relaxed) {
-            bail!("stopped by the user");
+            return Err(Interrupted.into());
         }
         self.clock.wait();
         self.servos.cycle(self.clock.cycle_s(), &self.targets_rad)?;

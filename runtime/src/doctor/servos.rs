@@ -4,7 +4,7 @@ use super::Finding;
 use crate::bus_tools::plug;
 use crate::robot::Robot;
 use servodance_drivers::serial::Remedy;
-use servodance_drivers::{Bus, BusResult, Port, ServoDeviation, open_buses};
+use servodance_drivers::{Bus, BusError, BusResult, Port, ServoDeviation, open_buses};
 
 /// Asks every servo of `robot` on these ports. Nothing is written, no torque changes.
 pub fn servos(robot: &Robot, given: &[String]) -> anyhow::Result<Vec<Finding>> {
@@ -17,11 +17,16 @@ pub fn servos(robot: &Robot, given: &[String]) -> anyhow::Result<Vec<Finding>> {
         )]);
     }
     Ok(match look(robot, &ports) {
-        Ok(deviations) if deviations.is_empty() => {
+        Ok((deviations, refused)) if deviations.is_empty() && refused.is_empty() => {
             let what = format!("all {} answer, and are as they should be", robot.servos.len());
             vec![Finding::good("servos", what)]
         }
-        Ok(deviations) => deviations.iter().map(|found| finding(robot, found)).collect(),
+        Ok((deviations, refused)) => {
+            let remedy = "put it right: `servodance servos write`, or the robot file";
+            let unfit = |error: &BusError| Finding::bad("servos", error.to_string(), remedy);
+            let deviations = deviations.iter().map(|found| finding(robot, found));
+            deviations.chain(refused.iter().map(unfit)).collect()
+        }
         Err(error) => vec![Finding::bad(
             "servos",
             error.to_string(),
@@ -30,10 +35,10 @@ pub fn servos(robot: &Robot, given: &[String]) -> anyhow::Result<Vec<Finding>> {
     })
 }
 
-fn look(robot: &Robot, ports: &[Port]) -> BusResult<Vec<ServoDeviation>> {
+fn look(robot: &Robot, ports: &[Port]) -> BusResult<(Vec<ServoDeviation>, Vec<BusError>)> {
     let mut bus = open_buses(ports, &robot.buses, &robot.servos)?;
     bus.observe()?;
-    bus.deviations()
+    Ok((bus.deviations()?, bus.refused()?))
 }
 
 fn finding(robot: &Robot, found: &ServoDeviation) -> Finding {

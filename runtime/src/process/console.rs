@@ -9,8 +9,9 @@
 
 use std::collections::VecDeque;
 use std::fmt::Arguments;
-use std::io::{IsTerminal, Write};
+use std::io::{ErrorKind, IsTerminal, Write};
 use std::panic::PanicHookInfo;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Lines that wait at most; the oldest go.
@@ -42,13 +43,16 @@ enum Stream {
 
 impl Stream {
     fn write(self, text: &str) {
-        let _ = match self {
+        match self {
             Self::Output => {
                 let mut out = std::io::stdout().lock();
-                out.write_all(text.as_bytes()).and_then(|()| out.flush())
+                let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+                if written.is_err_and(|error| error.kind() != ErrorKind::BrokenPipe) {
+                    OUTPUT_IS_CUT.store(true, Ordering::Relaxed);
+                }
             }
-            Self::Error => std::io::stderr().lock().write_all(text.as_bytes()),
-        };
+            Self::Error => drop(std::io::stderr().lock().write_all(text.as_bytes())),
+        }
     }
 
     fn is_terminal(self) -> bool {
@@ -57,6 +61,14 @@ impl Stream {
             Self::Error => std::io::stderr().is_terminal(),
         }
     }
+}
+
+/// Text for standard output was lost, and not because its reader went away.
+static OUTPUT_IS_CUT: AtomicBool = AtomicBool::new(false);
+
+/// Whether standard output lacks text that could not be written: on a full disk, say.
+pub fn output_is_cut() -> bool {
+    OUTPUT_IS_CUT.load(Ordering::Relaxed)
 }
 
 /// Lines that wait; `None` while the terminal is free.

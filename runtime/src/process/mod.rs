@@ -3,6 +3,7 @@
 
 pub mod console;
 pub(crate) mod failpoint;
+pub mod interrupted;
 pub mod progress;
 pub mod realtime;
 pub mod speed;

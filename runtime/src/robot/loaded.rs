@@ -41,6 +41,9 @@ pub struct Robot {
     pub servos: Vec<Servo>,
 }
 
+/// Endings of what `robot new` reads.
+const DESCRIPTIONS: [&str; 4] = ["urdf", "xacro", "xml", "mjcf"];
+
 impl Robot {
     /// A built-in robot by name, or a robot file by path.
     pub fn load(name_or_file: &str) -> anyhow::Result<Self> {
@@ -62,6 +65,13 @@ impl Robot {
                 "unknown robot \"{name_or_file}\"; built in: {}; or give a robot file (.toml)",
                 servodance_robots::names().join(", ")
             );
+        }
+        if path.extension().is_some_and(|ending| DESCRIPTIONS.iter().any(|own| ending == *own)) {
+            let file = path.display();
+            let message = format!(
+                "{file} is a description, not a robot file: `servodance robot new {file}` makes one"
+            );
+            return Err(RobotError::of(DiagnosticCode::RobotFile, message));
         }
         let text = std::fs::read_to_string(path).map_err(|e| {
             let message = format!("cannot read robot file {}: {e}", path.display());

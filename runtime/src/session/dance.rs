@@ -127,18 +127,22 @@ pub(super) fn perform(
     let stood_s = run.clock.stood_s;
     let last_s = servos.now_s() - stood_s;
     run.log.recorder.changes(last_s, stood_s, &servos);
-    let ending = ending?; // the first error is the one to report
-    disarmed.context("torque off could not be verified: cut the power")?;
     let wall_s = started.elapsed().as_secs_f64();
     drop(afterwards);
     progress.done();
 
-    let music = source.finish()?;
-    let mut report = dance_report(config, &run, &servos, &music, wall_s)?;
-    report.model.clone_from(&generator.config().preset);
-    report.left_out = shedding.names();
-    let recorder = std::mem::take(&mut run.log.recorder).into_recorder();
-    write_files(config, &run, recorder, &report, shedding.most())?;
+    // What went wrong is seen best in what was recorded until then.
+    let report = source.finish().and_then(|music| {
+        let mut report = dance_report(config, &run, &servos, &music, wall_s)?;
+        report.model.clone_from(&generator.config().preset);
+        report.left_out = shedding.names();
+        let recorder = std::mem::take(&mut run.log.recorder).into_recorder();
+        write_files(config, &run, recorder, &report, shedding.most())?;
+        Ok(report)
+    });
+    let ending = ending?; // the first error is the one to report
+    disarmed.context("torque off could not be verified: cut the power")?;
+    let report = report?;
     verdict(config, &report, &run.log.trace, &servos)?;
     Ok(Outcome { report, interrupted: ending == Ending::Interrupted })
 }

@@ -41,7 +41,7 @@ impl PendingFile {
             .prefix(".servodance-")
             .permissions(Permissions::from_mode(0o644)) // a temporary file is private
             .tempfile_in(folder)
-            .map_err(|error| io::Error::from(error.kind())) // without the temporary name
+            .map_err(|error| without_name(&error))
             .with_context(|| format!("cannot write {}", named.display()))?;
         Ok(Self { named, target, is_device, file })
     }
@@ -75,6 +75,13 @@ impl PendingFile {
         };
         done.with_context(|| format!("cannot write {}", named.display()))
     }
+}
+
+/// The same without the temporary name that it carries.
+fn without_name(error: &io::Error) -> io::Error {
+    let told = error.to_string();
+    let cause = told.split(" at path ").next().unwrap_or_default();
+    io::Error::new(error.kind(), cause.to_owned())
 }
 
 /// Where a path leads through links that exist; a link to nothing leads to its target.

@@ -26,9 +26,13 @@ use ratatui::crossterm::execute;
 use ratatui::crossterm::terminal::{
     EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
 };
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
 use screen::{Remark, draw};
 use servodance_drivers::EStop;
+use std::fs::File;
 use std::io::{IsTerminal, Stdout, stdout};
+use std::os::fd::{AsFd, OwnedFd};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -36,6 +40,8 @@ use std::time::{Duration, Instant};
 
 /// Pictures a second: as many as eyes follow in text.
 const FRAMES_HZ: f64 = 15.0;
+/// How long a view that is over is waited for.
+const ENDS_WITHIN: Duration = Duration::from_secs(1);
 
 /// A terminal that shows a dance until this is dropped.
 pub struct TerminalView {
@@ -62,8 +68,10 @@ impl TerminalView {
     ) -> anyhow::Result<Self> {
         Self::check()?;
         let screen = RawTerminal::take().context("--tui: the terminal cannot be set up")?;
+        let keyboard = keyboard().context("--tui: no keyboard")?;
         let over = Arc::new(AtomicBool::new(false));
         let view = TerminalLoop {
+            keyboard,
             keys: SettingKeys::new(scene.styles.len()),
             scene,
             on_panic: StopOnPanic(end.estop.clone()),
@@ -83,11 +91,43 @@ impl TerminalView {
 impl Drop for TerminalView {
     fn drop(&mut self) {
         self.over.store(true, Ordering::Release);
-        if let Some(thread) = self.thread.take() {
-            // A panic there has been told, and has pressed the button.
-            let _ = thread.join();
+        let Some(thread) = self.thread.take() else { return };
+        let asked = Instant::now();
+        while !thread.is_finished() {
+            // It hangs in a terminal that went away in the middle of a key.
+            if asked.elapsed() > ENDS_WITHIN {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(1));
         }
+        // A panic there has been told, and has pressed the button.
+        let _ = thread.join();
     }
+}
+
+/// Where `crossterm` reads keys.
+fn keyboard() -> std::io::Result<OwnedFd> {
+    let stdin = std::io::stdin();
+    match stdin.is_terminal() {
+        true => stdin.as_fd().try_clone_to_owned(),
+        false => Ok(File::open("/dev/tty")?.into()),
+    }
+}
+
+/// Whether a key is pressed within this time. Fails when the terminal is gone: the wait of
+/// `crossterm` would not notice, and never end.
+fn wait_for_key(keyboard: &OwnedFd, patience: Duration) -> std::io::Result<bool> {
+    let mut wanted = [PollFd::new(keyboard, PollFlags::IN)];
+    let patience = Timespec::try_from(patience).map_err(std::io::Error::other)?;
+    match poll(&mut wanted, Some(&patience)) {
+        Err(Errno::INTR) => return Ok(false),
+        polled => polled?,
+    };
+    let found = wanted[0].revents();
+    if found.intersects(PollFlags::HUP | PollFlags::ERR | PollFlags::NVAL) {
+        return Err(std::io::Error::other("the terminal went away"));
+    }
+    Ok(found.contains(PollFlags::IN))
 }
 
 /// The terminal as programs like this want it: each key at once, nothing
@@ -123,6 +163,7 @@ impl Drop for StopOnPanic {
 
 struct TerminalLoop {
     scene: Scene,
+    keyboard: OwnedFd,
     end: ViewerEnd,
     keys: SettingKeys,
     stop: Arc<AtomicBool>,
@@ -146,9 +187,11 @@ impl TerminalLoop {
         let mut due = Instant::now();
         while !self.over.load(Ordering::Acquire) {
             failpoint::pass("terminal view");
-            if event::poll(due.saturating_duration_since(Instant::now()))? {
-                if let Event::Key(key) = event::read()? {
-                    self.apply(keys::key_action(key));
+            if wait_for_key(&self.keyboard, due.saturating_duration_since(Instant::now()))? {
+                while event::poll(Duration::ZERO)? {
+                    if let Event::Key(key) = event::read()? {
+                        self.apply(keys::key_action(key));
+                    }
                 }
             } else {
                 self.draw(&mut terminal)?;
