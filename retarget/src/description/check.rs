@@ -20,6 +20,7 @@ pub(super) fn check(robot: &mut urdf_rs::Robot, diagnostics: &mut Diagnostics) {
     for link in &robot.links {
         check_link(link, diagnostics);
     }
+    hold_ends_without_axis(robot, diagnostics);
     for joint in &mut robot.joints {
         check_joint(joint, diagnostics);
     }
@@ -114,6 +115,39 @@ fn check_link(link: &urdf_rs::Link, diagnostics: &mut Diagnostics) {
         if !all_usable(&*pose.xyz) || !all_usable(&*pose.rpy) {
             let reason = format!("{what} origin {:?} {:?} is not usable", *pose.xyz, *pose.rpy);
             diagnostics.refuse_link(DiagnosticCode::NumberUnusable, &link.name, reason);
+        }
+    }
+}
+
+/// A camera's or a sensor's joint whose axis has no direction carries nothing that moves: the
+/// robot can do without.
+fn hold_ends_without_axis(robot: &mut urdf_rs::Robot, diagnostics: &mut Diagnostics) {
+    let moving = robot.joints.iter().filter(|joint| is_driven(joint));
+    let carriers: HashSet<String> = moving.map(|joint| joint.parent.link.clone()).collect();
+    let carried = robot.joints.iter().map(|joint| (&joint.parent.link, &joint.child.link));
+    let below: Vec<(String, String)> =
+        carried.map(|(up, down)| (up.clone(), down.clone())).collect();
+    let carries = |link: &str| {
+        let mut links = vec![link];
+        let mut at = 0;
+        while let Some(&link) = links.get(at) {
+            if carriers.contains(link) || links.len() > MOST_LINKS {
+                return true;
+            }
+            links.extend(below.iter().filter(|(up, _)| up == link).map(|(_, down)| down.as_str()));
+            at += 1;
+        }
+        false
+    };
+    let none = |joint: &urdf_rs::Joint| *joint.axis.xyz == [0.0; 3];
+    if robot.joints.iter().filter(|joint| is_driven(joint)).all(none) {
+        return;
+    }
+    for joint in robot.joints.iter_mut().filter(|joint| is_driven(joint)) {
+        if none(joint) && !carries(&joint.child.link) {
+            let message = "axis 0 0 0 has no direction, and nothing that moves hangs on it; held";
+            diagnostics.add(DiagnosticCode::AxisZeroEnd, &joint.name, message);
+            hold(joint, 0.0);
         }
     }
 }

@@ -103,6 +103,7 @@ codes! {
     InertialIncomplete "inertial-incomplete" Repaired "mass or inertia is not given: it counts as zero";
     InertiaOversized "inertia-oversized" Repaired "a moment of inertia far beyond a link's mass and size: a usual one is used";
     AxisUnset "axis-unset" Repaired "a moving joint has no axis: x is used, as the format says";
+    AxisZeroEnd "axis-zero-end" Repaired "the last joint of a chain has an axis without direction: it is held";
     RangeInverted "range-inverted" Repaired "lower and upper position limit are exchanged: used the other way round";
     MimicOfFixed "mimic-of-fixed" Repaired "a joint follows one that cannot move: held where that leaves it";
     MimicOnFixed "mimic-on-fixed" Repaired "a joint that cannot move is said to follow another: it stays";
