@@ -15,7 +15,15 @@ pub(super) struct MjcfBodies<'d> {
     diagnostics: &'d mut Diagnostics,
     links: Vec<urdf_rs::Link>,
     joints: Vec<urdf_rs::Joint>,
-    names: HashSet<String>,
+    /// Names of links and of joints: one body and one joint may share theirs.
+    names: [HashSet<String>; 2],
+}
+
+/// Which names a new one must differ from.
+#[derive(Clone, Copy)]
+enum Named {
+    Link,
+    Joint,
 }
 
 /// The link that carries a body, and the frame of the carrier's body in that link.
@@ -79,7 +87,7 @@ impl<'d> MjcfBodies<'d> {
         }
         let mut base = None;
         if is_world_base {
-            let name = tree.unique(None, "base".into());
+            let name = tree.unique(Named::Link, None, "base".into());
             let link = tree.add_link(name);
             tree.add_shapes_and_mass(element(world), link, Isometry3::identity())?;
             base = Some((link, Isometry3::identity()));
@@ -99,14 +107,14 @@ impl<'d> MjcfBodies<'d> {
         }
     }
 
-    fn unique(&mut self, wanted: Option<&str>, otherwise: String) -> String {
+    fn unique(&mut self, named: Named, wanted: Option<&str>, otherwise: String) -> String {
         let base = match wanted {
             Some(name) if !name.trim().is_empty() => name.to_owned(),
             _ => otherwise,
         };
         let mut name = base.clone();
         let mut count = 1;
-        while !self.names.insert(name.clone()) {
+        while !self.names[named as usize].insert(name.clone()) {
             count += 1;
             name = format!("{base}_{count}");
         }
@@ -156,7 +164,7 @@ impl<'d> MjcfBodies<'d> {
         let class = body.node.attribute("childclass").unwrap_or(body.class);
         let body = MjcfElement { class, ..body };
         let number = self.links.len();
-        let name = self.unique(body.node.attribute("name"), format!("body_{number}"));
+        let name = self.unique(Named::Link, body.node.attribute("name"), format!("body_{number}"));
         let pose = body.pose()?;
         let mut carrier = around.map(|(link, in_link)| (link, in_link * pose));
         for (index, joint) in body.children("joint").enumerate() {
@@ -178,7 +186,7 @@ impl<'d> MjcfBodies<'d> {
                 (link, in_link)
             }
             Some((parent, in_link)) => {
-                let joint = self.unique(None, format!("{name}_fixed"));
+                let joint = self.unique(Named::Joint, None, format!("{name}_fixed"));
                 let link = self.add_joint(joint, name, JointType::Fixed, parent, &in_link);
                 (link, Isometry3::identity())
             }
@@ -211,14 +219,14 @@ impl<'d> MjcfBodies<'d> {
         };
         let anchor = joint.vector("pos", [0.0; 3])?;
         let anchor = Translation3::from(Vector3::from(anchor));
-        let plain = self.unique(joint.node.attribute("name"), fallback);
+        let plain = self.unique(Named::Joint, joint.node.attribute("name"), fallback);
         if kind == "ball" {
             let message = "a ball joint: three hinges stand for it";
             self.diagnostics.add(DiagnosticCode::MjcfBall, &plain, message);
         }
         for (axis, letter) in axes.iter().zip(["x", "y", "z"]) {
             let name = match kind {
-                "ball" => self.unique(None, format!("{plain}_{letter}")),
+                "ball" => self.unique(Named::Joint, None, format!("{plain}_{letter}")),
                 _ => plain.clone(),
             };
             let range = range(joint, kind)?;
