@@ -123,6 +123,11 @@ fn what_stands_around_is_found_as_well() {
         <parent link='world'/><child link='base'/></joint>";
     let fixed_mimic = "<link name='c'/><joint name='still' type='fixed'>\
         <parent link='arm'/><child link='c'/><mimic joint='turn'/></joint>";
+    let camera = format!(
+        "<link name='camera'/><joint name='look' type='revolute'><parent link='arm'/>\
+         <child link='camera'/><axis xyz='0 0 0'/>{}</joint>",
+        limit("-1", "1", "1", "1").replace(AXIS, "")
+    );
     let loop_joint = "<joint name='back' type='revolute'><parent link='base'/>\
         <child link='arm'/><axis xyz='0 0 1'/></joint>";
     for (link, more, code, subject) in [
@@ -134,6 +139,7 @@ fn what_stands_around_is_found_as_well() {
         (MASS, "<gazebo:plugin a='b'/>", DiagnosticCode::PrefixUndeclared, "gazebo"),
         (MASS, "<link/>", DiagnosticCode::NameMissing, "robot"),
         (MASS, "<xacro:include/>", DiagnosticCode::Xacro, "robot"),
+        (MASS, &camera, DiagnosticCode::AxisZeroEnd, "look"),
     ] {
         let finding = found(&urdf("revolute", GOOD, link, more), code);
         assert_eq!(finding.subject, subject, "{finding}");
@@ -160,6 +166,23 @@ fn a_xacro_is_read_where_nothing_in_it_adds_parts() {
     ] {
         let finding = found(&urdf("revolute", GOOD, link, more), DiagnosticCode::Xacro);
         assert_eq!(finding.subject, "robot", "{finding}");
+    }
+}
+
+/// As TurtleBot3, Bioloid and Wolfgang have it: names and numbers by xacro's properties, a
+/// condition around the simulator's settings, a call of a macro for them.
+#[test]
+fn values_of_a_xacro_are_put_in() {
+    const VALUES: &str = "<xacro:arg name='prefix' default=''/>\
+        <xacro:property name='ns' value='$(arg prefix)'/><xacro:property name='w' value='0.2'/>\
+        <xacro:if value='${sim == True}'><gazebo/></xacro:if><xacro:arm_gazebo prefix='l'/>\
+        <link name='${ns}tool'/><joint name='hold' type='fixed'><parent link='${ns}arm'/>\
+        <child link='${ns}tool'/><origin xyz='0 0 ${w / 2}' rpy='${pi/2} 0 0'/></joint>";
+    let model = RobotModel::new(&urdf("revolute", GOOD, MASS, VALUES), &["turn"]);
+    assert!(model.is_ok_and(|model| model.link_names().iter().any(|link| link == "tool")));
+    for (written, unknown) in [("${w / 2}", "${w / n}"), ("<gazebo/>", "<link name='more'/>")] {
+        let text = urdf("revolute", GOOD, MASS, &VALUES.replace(written, unknown));
+        assert_eq!(found(&text, DiagnosticCode::Xacro).subject, "robot", "{unknown}");
     }
 }
 

@@ -6,6 +6,7 @@
 
 mod elements;
 mod named_colors;
+mod xacro_values;
 
 use std::collections::HashSet;
 
@@ -39,7 +40,12 @@ pub(super) fn read(
     }
     for _ in 0..=MOST_PREFIXES {
         let prefix = match parse(&text) {
-            Ok(document) => return robot(&document, diagnostics),
+            Ok(document) => {
+                let filled = xacro_values::filled(&document);
+                // Values hold no marks of XML, so that the text stays one.
+                let filled = filled.as_deref().and_then(|text| parse(text).ok());
+                return robot(filled.as_ref().unwrap_or(&document), diagnostics);
+            }
             Err(roxmltree::Error::UnknownNamespace(prefix, _)) => prefix,
             Err(error) => {
                 let error = RetargetError::Xml(error.to_string());
@@ -146,8 +152,8 @@ fn is_xacro(root: Node) -> bool {
     let is_left = |node: Node| match node.tag_name().name() {
         "property" | "arg" => true,
         "include" => adds_no_parts(node),
-        "macro" => !adds_parts(node),
-        call => node.parent() == Some(root) && macros.contains(call),
+        "macro" | "if" | "unless" => !adds_parts(node),
+        call => node.parent() == Some(root) && (macros.contains(call) || says_no_parts(call)),
     };
     let of_macro = |node: Node| node.ancestors().skip(1).any(|above| above.has_tag_name("macro"));
     root.descendants().any(|node| is_of_xacro(node) && !is_left(node) && !of_macro(node))
@@ -170,7 +176,10 @@ fn adds_parts(node: Node) -> bool {
 /// Whether an include brings no links or joints, by the name of its file.
 fn adds_no_parts(include: Node) -> bool {
     let path = include.attribute("filename").unwrap_or_default().to_lowercase();
-    let name = path.rsplit(['/', '\\']).next().unwrap_or_default();
+    says_no_parts(path.rsplit(['/', '\\']).next().unwrap_or_default())
+}
+
+fn says_no_parts(name: &str) -> bool {
     name.split(|letter: char| !letter.is_alphanumeric()).any(|word| NO_PARTS.contains(&word))
 }
 
