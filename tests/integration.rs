@@ -24,6 +24,7 @@ mod idle;
 mod kinds;
 mod live;
 mod look_alikes;
+mod look_alikes_by_name;
 mod motion_files;
 mod mutate;
 mod on_beat;

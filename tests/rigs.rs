@@ -49,6 +49,11 @@ impl Rig {
             .joint("fixed", &name("hand"), &link("elbow"), "0 0 -0.2", "")
     }
 
+    /// Gives a link that is there already another name.
+    pub(crate) fn renamed(self, link: &str, name: &str) -> Self {
+        Self(self.0.replace(&format!("\"{link}\""), &format!("\"{name}\"")))
+    }
+
     /// The description so far.
     pub(crate) fn urdf(&self) -> String {
         self.0.clone() + "</robot>"

@@ -4,10 +4,17 @@
 use super::limb::{FoundLimb, LimbKind};
 use super::link_tree::LinkTree;
 use crate::config::BodyKind;
+use crate::kinematics::JointMotion;
 use k::nalgebra::Vector3;
 
 /// Joints of a chain that is an arm without a name that says so.
 const ARM_JOINTS: usize = 4;
+/// Six legs end level within this share of one: parts that their makers drew apart differ a bit.
+const SIX_LEVEL: f64 = 0.05;
+/// Cosine of axes that lie side by side.
+const PARALLEL: f64 = 0.99;
+/// Least share of a chain's length between two of its bends.
+const SEGMENT_SHARE: f64 = 0.3;
 /// Chains alike from one link that are fingers, not limbs.
 pub(super) const FINGERS: usize = 3;
 
@@ -62,8 +69,11 @@ pub(super) fn four_legs(body: &LinkTree) -> Option<FourLegs> {
 fn lowest_four(body: &LinkTree, mut starts: Vec<usize>) -> Vec<usize> {
     starts.sort_by(|&a, &b| body.end(a).z.total_cmp(&body.end(b).z));
     let length_m = |link: usize| (body.end(link) - body.at(link)).norm();
-    let level = |a: usize, b: usize| (body.end(a).z - body.end(b).z).abs() < 0.01 * length_m(a);
-    if starts.len() == 6 && level(starts[0], starts[5]) {
+    let level =
+        |a: usize, b: usize| (body.end(a).z - body.end(b).z).abs() < SIX_LEVEL * length_m(a);
+    let joints = |link: usize| body.turning(&body.path(link, LimbKind::Paw));
+    let alike = starts.iter().all(|&start| joints(start) == joints(starts[0]));
+    if starts.len() == 6 && alike && level(starts[0], starts[5]) {
         // Along the body the middle pair begins between the others.
         for axis in 0..2 {
             let along = |link: usize| body.at(link)[axis];
@@ -129,10 +139,22 @@ fn rectangle(body: &LinkTree, starts: &[usize]) -> Option<FourLegs> {
         });
         best.map(|leg| starts[leg])
     };
-    let found = [corner(1.0, 1.0)?, corner(1.0, -1.0)?, corner(-1.0, 1.0)?, corner(-1.0, -1.0)?];
-    let distinct = (0..4).all(|a| (0..a).all(|b| found[a] != found[b]));
+    let distinct = |found: &[usize; 4]| (0..4).all(|a| (0..a).all(|b| found[a] != found[b]));
+    let by_place = [corner(1.0, 1.0)?, corner(1.0, -1.0)?, corner(-1.0, 1.0)?, corner(-1.0, -1.0)?];
+    // A leg may be drawn elsewhere than at the corner that it is named for.
+    let of_name = |ahead: bool, side: usize| {
+        let mut legs = starts.iter().copied();
+        legs.find(|&l| front(l) == ahead && hind(l) != ahead && body.words[l].side() == Some(side))
+    };
+    let found = match distinct(&by_place) {
+        true => by_place,
+        false if by_names => {
+            [of_name(true, 0)?, of_name(true, 1)?, of_name(false, 0)?, of_name(false, 1)?]
+        }
+        false => return None,
+    };
     let named = starts.iter().all(|&link| is_leg(link) || front(link) || hind(link));
-    distinct.then_some(FourLegs { starts: found, forward, named })
+    distinct(&found).then_some(FourLegs { starts: found, forward, named })
 }
 
 /// The moving links of a lone arm, base first; `None` where chains are too short, or
@@ -149,9 +171,31 @@ pub(super) fn lone_chain(body: &LinkTree) -> Option<Vec<usize>> {
     let alike = paths.iter().filter(|path| body.turning(path) == joints).count();
     let named = longest.iter().any(|&link| body.words[link].is_arm());
     let head = longest.iter().any(|&link| body.words[link].is_head());
-    let enough = joints >= ARM_JOINTS || (named && joints >= 2);
+    let enough = joints >= ARM_JOINTS || (named && joints >= 2) || reaches(body, longest);
     let enough = enough && !body.is_telescope(longest);
     (enough && alike < FINGERS && !head).then(|| longest.clone())
+}
+
+/// Whether a chain of three turning joints has an upper arm and a forearm: it bends twice, about
+/// axes side by side. A neck pans and tilts.
+fn reaches(body: &LinkTree, path: &[usize]) -> bool {
+    let turns = |link: usize| match body.model.links[link].motion {
+        JointMotion::Revolute(axis) if body.is_moved(link) => {
+            Some((body.at(link), body.poses[link] * axis.into_inner()))
+        }
+        _ => None,
+    };
+    let joints: Vec<_> = path.iter().filter_map(|&link| turns(link)).collect();
+    let whole_m = match path {
+        [first, .., last] => body.way_m(*last) - body.way_m(*first),
+        _ => 0.0,
+    };
+    joints.len() + 1 == ARM_JOINTS
+        && joints.windows(2).any(|pair| {
+            let [(at, axis), (next, along)] = [pair[0], pair[1]];
+            let apart_m = (next - at).cross(&axis).norm();
+            axis.dot(&along).abs() > PARALLEL && apart_m > SEGMENT_SHARE * whole_m
+        })
 }
 
 /// The kind that the limbs that were found make.

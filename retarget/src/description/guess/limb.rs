@@ -4,7 +4,7 @@ use k::nalgebra::{Point3, Vector3};
 
 use super::link_tree::LinkTree;
 use super::shape::{corners_of, far_end, rigid_with};
-use super::words::{ANKLE, ELBOW, FOREARM, HAND, KNEE, SHANK, SOLE, TOES};
+use super::words::{ANKLE, ELBOW, FOREARM, HAND, KNEE, NameWords, SHANK, SOLE, TOES};
 use crate::kinematics::JointMotion;
 
 /// Axes nearer to a segment than this cosine twist it; others bend it.
@@ -294,12 +294,15 @@ impl LinkTree<'_> {
         let apart = |link: usize| (self.at(link) - first).norm();
         let whole = (end - first).norm().max(moved.iter().map(|&l| apart(l)).fold(0.0, f64::max));
         for tier in tiers {
-            let named = moved.iter().skip(1).copied().find(|&link| {
+            let named = moved.iter().skip(1).copied().filter(|&link| {
                 let is_there = self.words[link].has(tier) && apart(link) > 0.1 * whole;
                 is_there && !self.twists(link, end)
             });
-            if named.is_some() {
-                return named;
+            // Some call the part above the knee joint a knee.
+            let joint = |link: &usize| NameWords::of_joint(self.model, *link).has(tier);
+            let by_joint = named.clone().find(joint);
+            if let Some(named) = by_joint.or_else(|| named.clone().next()) {
+                return Some(named);
             }
         }
         // Lengths along the limb.

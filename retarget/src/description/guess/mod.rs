@@ -190,7 +190,7 @@ fn human_like(body: &LinkTree) -> Anatomy {
 /// First moving links of `[arms, legs]`, each `[left, right]`, by their names.
 fn named_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
     [LimbKind::Arm, LimbKind::Leg].map(|kind| {
-        [0, 1].map(|side| {
+        let pair = [0, 1].map(|side| {
             let belongs = |link: usize| {
                 let words = &body.words[link];
                 let fits = match kind {
@@ -199,15 +199,34 @@ fn named_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
                 };
                 fits && words.side() == Some(side) && !words.is_finger() && !words.is_wheel()
             };
-            (0..body.model.links.len())
+            let starts: Vec<usize> = (0..body.model.links.len())
                 .filter(|&link| body.is_moved(link) && belongs(link))
                 .filter(|&link| {
                     let mut above = body.model.ancestors(link).skip(1);
                     !above.any(|up| body.is_moved(up) && belongs(up))
                 })
-                .max_by_key(|&link| body.moved_below(link))
-                .map(|link| first_of_side(body, link, side))
-        })
+                .collect();
+            let most = starts.iter().copied().max_by_key(|&link| body.moved_below(link));
+            // Two legs of one joint on one side are wheels that a maker counts as legs.
+            let rolls = |&link: &usize| body.moved_below(link) == 0 && wheels::is_axle(body, link);
+            let wheels = kind == LimbKind::Leg && starts.len() > 1 && starts.iter().all(rolls);
+            most.filter(|_| !wheels).map(|link| first_of_side(body, link, side))
+        });
+        match pair {
+            [Some(left), None] => [Some(left), without_side(body, left)],
+            [None, Some(right)] => [without_side(body, right), Some(right)],
+            pair => pair,
+        }
+    })
+}
+
+/// The limb beside one with a side in its name: of the same name, but for that.
+fn without_side(body: &LinkTree, limb: usize) -> Option<usize> {
+    let name = body.words[limb].without_side();
+    (1..body.model.links.len()).find(|&link| {
+        let beside = body.is_moved(link) && body.carrier(link) == body.carrier(limb);
+        let same = body.words[link].side().is_none() && body.words[link].without_side() == name;
+        beside && same && body.moved_below(link) == body.moved_below(limb)
     })
 }
 
@@ -260,12 +279,18 @@ fn find_head(body: &LinkTree, chest: usize, in_limb: &impl Fn(usize) -> bool) ->
             .find(|&link| body.model.drives_above(link) > body.model.drives_above(chest))
     };
     named.or_else(fixed).or_else(|| {
-        let short: Vec<usize> = moving()
+        let mut short: Vec<usize> = moving()
             .filter(|&l| body.model.is_below(l, chest) && l != chest)
             .filter(|&l| body.words[l].side().is_none() && !body.words[l].is_wheel())
             .filter(|&l| !body.words[l].is_trunk() && body.moved_below(l) == 0)
+            .filter(|&l| !body.words[l].is_leg())
             .filter(|&l| body.model.drives_above(l) - body.model.drives_above(chest) <= 3)
             .collect();
+        // Several of one joint each on one link are wheels without a name that says so.
+        let carried = short.clone();
+        let carrier = |link: usize| body.carrier(link);
+        let alike = |l: usize| carried.iter().filter(|&&o| carrier(o) == carrier(l)).count();
+        short.retain(|&link| alike(link) < kind::FINGERS);
         // Many short chains and no limb are fingers.
         let limbs = (1..body.model.links.len()).any(in_limb);
         short.first().copied().filter(|_| limbs || short.len() < kind::FINGERS)

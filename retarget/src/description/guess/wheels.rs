@@ -22,6 +22,12 @@ pub(crate) struct DrivenWheel {
     pub radius_m: Option<f64>,
 }
 
+/// Whether a joint turns about a level axle, of a body whose root has z up.
+pub(super) fn is_axle(body: &LinkTree, link: usize) -> bool {
+    let JointMotion::Revolute(axis) = body.model.links[link].motion else { return false };
+    (body.poses[link].rotation * axis.into_inner()).z.abs() < LEVEL
+}
+
 /// The driven wheels of a base, by their names: on level axles on the base itself. None
 /// where a wheel is steered, or hangs on a leg.
 pub(super) fn driven_wheels(body: &LinkTree, up: &Vector3<f64>) -> Vec<DrivenWheel> {

@@ -22,7 +22,7 @@ pub(crate) const HEAD: &[&str] = &["head", "skull", "neck"];
 const TRUNK: &[&str] = &["pelvis", "waist", "hips"];
 const ON_HEAD: &[&str] =
     &["eye", "eyes", "camera", "jaw", "mouth", "lid", "ear", "antenna", "lip", "brow"];
-const WHEEL: &[&str] = &["wheel", "wheels", "whl", "caster", "castor", "track", "roller"];
+const WHEEL: &[&str] = &["wheel", "wheels", "whl", "wh", "caster", "castor", "track", "roller"];
 /// Of these no motor turns any.
 const CASTER: &[&str] = &["caster", "castor", "roller", "passive", "idler", "free"];
 
@@ -43,6 +43,22 @@ const CORNERS: [(&str, [&str; 2]); 12] = [
     ("rh", ["hind", "right"]),
 ];
 
+/// Sides in other languages, left and right: German, French, Spanish, Portuguese, Italian,
+/// Japanese and Vietnamese. Those are often glued to a part: `duitrai` is a left thigh.
+const SIDES_ABROAD: [[&str; 2]; 11] = [
+    ["links", "rechts"],
+    ["gauche", "droite"],
+    ["gauche", "droit"],
+    ["izquierda", "derecha"],
+    ["izquierdo", "derecho"],
+    ["esquerda", "direita"],
+    ["esquerdo", "direito"],
+    ["sinistra", "destra"],
+    ["sinistro", "destro"],
+    ["hidari", "migi"],
+    ["trai", "phai"],
+];
+
 #[derive(Clone, Debug, Default)]
 pub(crate) struct NameWords(Vec<String>);
 
@@ -52,16 +68,34 @@ impl NameWords {
         Self::of_names(&[&model.link_names()[link], &model.parent_joints[link]])
     }
 
-    /// Sides that are written out count more than single letters: `r2/left_arm`.
+    /// From the name of the joint above a link alone.
+    pub fn of_joint(model: &RobotModel, link: usize) -> Self {
+        Self::of_names(&[&model.parent_joints[link]])
+    }
+
+    /// Sides that are written out count more than single letters: `r2/left_arm`. Behind such a
+    /// letter two more are no corner: `L_rf_1` is the ring finger of the left hand.
     fn of_names(names: &[&str]) -> Self {
-        let raw: Vec<String> = names.iter().flat_map(|name| raw_words(name)).collect();
-        let letter = |word: &str| ["l", "r"].contains(&word);
-        let plain = raw.iter().filter(|word| !letter(word)).flat_map(|word| unglue(word));
-        let plain = Self(plain.collect());
+        let letter = |word: &String| ["l", "r"].contains(&word.as_str());
+        // In `R_arm_l1` the second letter is the link's.
+        let first_letter = |name: &&str| {
+            let mut words = raw_words(name);
+            let first = words.iter().find(|word| letter(word)).cloned();
+            words.retain(|word| !letter(word) || Some(word) == first.as_ref());
+            words
+        };
+        let raw: Vec<String> = names.iter().flat_map(first_letter).collect();
+        let first = raw.iter().find(|word| letter(word) || corner(word).is_some());
+        let led = first.is_some_and(letter);
+        let parts = |word: &String| match led && corner(word).is_some() {
+            true => vec![word.clone()],
+            false => unglue(word),
+        };
+        let plain = Self(raw.iter().filter(|word| !letter(word)).flat_map(parts).collect());
         if plain.side().is_some() {
             return plain;
         }
-        Self(raw.iter().flat_map(|word| unglue(word)).collect())
+        Self(raw.iter().flat_map(parts).collect())
     }
 
     pub fn has(&self, any: &[&str]) -> bool {
@@ -81,6 +115,11 @@ impl NameWords {
             (false, true) => Some(1),
             _ => None,
         }
+    }
+
+    /// The words that say no side.
+    pub fn without_side(&self) -> Vec<&str> {
+        self.0.iter().map(String::as_str).filter(|word| !SIDES.contains(word)).collect()
     }
 
     pub fn is_sole(&self) -> bool {
@@ -152,6 +191,19 @@ fn raw_words(name: &str) -> Vec<String> {
     raw
 }
 
+/// The corner of a body on four legs that two letters stand for.
+fn corner(word: &str) -> Option<[&'static str; 2]> {
+    CORNERS.iter().find(|(short, _)| *short == word).map(|(_, corner)| *corner)
+}
+
+/// A side in another language at the end of a word, and what stands before it.
+fn side_abroad(word: &str) -> Option<Vec<String>> {
+    let pairs = SIDES_ABROAD.iter().flat_map(|pair| pair.iter().zip(SIDES));
+    let (before, side) =
+        pairs.filter_map(|(abroad, side)| Some((word.strip_suffix(abroad)?, side))).next()?;
+    Some([side, before].into_iter().filter(|part| !part.is_empty()).map(str::to_owned).collect())
+}
+
 /// Sides written out, also where they are glued to a part.
 fn unglue(word: &str) -> Vec<String> {
     let parts = [ARM, ELBOW, FOREARM, HAND, LEG, KNEE, SHANK, ANKLE, SOLE, FINGER, WHEEL];
@@ -160,8 +212,11 @@ fn unglue(word: &str) -> Vec<String> {
     if parts.iter().any(|part| part.contains(&word)) {
         return vec![word.to_owned()];
     }
-    if let Some((_, corner)) = CORNERS.iter().find(|(short, _)| *short == word) {
+    if let Some(corner) = corner(word) {
         return corner.map(str::to_owned).to_vec();
+    }
+    if let Some(parts) = side_abroad(word) {
+        return parts;
     }
     // A letter of the maker before a part: zarm, jleg.
     let after_letter = word.char_indices().nth(1).map(|(at, _)| &word[at..]);
@@ -218,6 +273,13 @@ mod tests {
             ("FL_hip_joint", Some(0), false, true),
             ("rh_kfe", Some(1), false, true),
             ("l_shld_y_joint", Some(0), true, false),
+            ("L_rf_j1", Some(0), false, false),
+            ("R_arm_lf_2", Some(1), true, false),
+            ("R_arm_l1", Some(1), true, false),
+            ("FL_R_hip", Some(0), false, true),
+            ("brazo_derecho_arm_2", Some(1), true, false),
+            ("bras_gauche_elbow", Some(0), true, false),
+            ("duitrai", Some(0), false, false),
         ] {
             let words = NameWords::of_names(&[name]);
             let read = (words.side(), words.is_arm(), words.is_leg());
