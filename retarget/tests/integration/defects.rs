@@ -186,6 +186,25 @@ fn values_of_a_xacro_are_put_in() {
     }
 }
 
+/// As an industrial arm whose axes are S, L, U, R, B and T.
+#[test]
+fn letters_of_one_chain_are_no_sides() {
+    let joint = |name: &str, parent: &str, upper: &str| {
+        format!(
+            "<link name='{name}'/><joint name='joint_{name}' type='revolute'>\
+             <parent link='{parent}'/><child link='{name}'/>{}</joint>",
+            limit("-1", upper, "2", "3")
+        )
+    };
+    let sides = |parent: &str| {
+        let more = joint("l", "arm", "1") + &joint("r", parent, "2");
+        lint(&urdf("revolute", GOOD, MASS, &more))
+            .iter()
+            .any(|finding| finding.code == DiagnosticCode::SidesDiffer)
+    };
+    assert!(sides("arm") && !sides("l"));
+}
+
 #[test]
 fn what_stands_behind_the_robot_is_passed_over() {
     let text = urdf("revolute", GOOD, MASS, "") + "\n\u{0} trailing";

@@ -110,6 +110,10 @@ fn lint_mirror(joint: &urdf_rs::Joint, robot: &urdf_rs::Robot, diagnostics: &mut
         diagnostics.add(DiagnosticCode::SideMissing, &joint.name, message);
         return;
     };
+    // Axes of one arm that are called L and R have nothing to do with sides.
+    if hangs_below(joint, other, robot) || hangs_below(other, joint, robot) {
+        return;
+    }
     let (a, b) = (&joint.limit, &other.limit);
     let near = |x: f64, y: f64| (x - y).abs() < 0.02;
     let same = near(a.lower, b.lower) && near(a.upper, b.upper);
@@ -121,6 +125,16 @@ fn lint_mirror(joint: &urdf_rs::Joint, robot: &urdf_rs::Robot, diagnostics: &mut
         );
         diagnostics.add(DiagnosticCode::SidesDiffer, &joint.name, message);
     }
+}
+
+/// Whether one joint is below another in the tree.
+fn hangs_below(one: &urdf_rs::Joint, other: &urdf_rs::Joint, robot: &urdf_rs::Robot) -> bool {
+    let above = |at: &&urdf_rs::Joint| {
+        let link = &at.parent.link;
+        robot.joints.iter().find(|joint| joint.child.link == *link)
+    };
+    let up = std::iter::successors(Some(one), above).skip(1);
+    up.take(robot.joints.len()).any(|joint| joint.name == other.name)
 }
 
 /// The name of the same joint on the right side.

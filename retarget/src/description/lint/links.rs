@@ -23,7 +23,7 @@ pub(super) fn lint_masses(robot: &urdf_rs::Robot, diagnostics: &mut Diagnostics)
         let volume: f64 = shapes.chain(visuals).map(volume_m3).fold(0.0, f64::max);
         let density = mass / volume;
         if robot.links.len() > 4 && mass > HEAVY_SHARE * total {
-            let message = format!("{mass} kg of {total} kg in all");
+            let message = format!("{mass} kg of {total:.1} kg in all");
             diagnostics.add(DiagnosticCode::MassAbsurd, &link.name, message);
         } else if volume > 0.0 && mass > 0.01 && density > DENSEST {
             let message = format!("{mass} kg in {:.1} cm3: heavier than lead", volume * 1e6);

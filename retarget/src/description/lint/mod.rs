@@ -26,7 +26,7 @@ pub fn lint(text: &str) -> Vec<Diagnostic> {
     };
     let robot = &description.robot;
     if !robot.joints.iter().any(is_driven) {
-        diagnostics.refuse_tree(DiagnosticCode::JointsNone, "no joint moves");
+        diagnostics.add(DiagnosticCode::JointsNone, &robot.name, "no joint moves");
         return diagnostics.list;
     }
     for joint in robot.joints.iter().filter(|joint| is_driven(joint)) {
