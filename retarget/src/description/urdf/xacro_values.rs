@@ -4,16 +4,19 @@
 //! the file's own properties and the defaults of its arguments is put in its place; the rest
 //! stays, and is refused later where it counts. No macros, files or conditions.
 
+use std::cell::Cell;
 use std::collections::HashMap;
 
 use roxmltree::{Document, Node};
 
 /// A longer value is none that a robot needs; keeps files cheap that double theirs.
 const LONGEST: usize = 256;
+/// Brackets inside of brackets.
+const MOST_NESTED: usize = 32;
 /// Names that lead to names.
 const DEEPEST: usize = 8;
-/// Most places that are filled in.
-const MOST: usize = 20_000;
+/// Most places that are looked at, those inside of values among them.
+const MOST: usize = 50_000;
 
 /// The text of a document with each value put in that the document gives itself; `None` where
 /// there is nothing to put in.
@@ -26,6 +29,7 @@ pub(super) fn filled(document: &Document) -> Option<String> {
 struct Values<'a> {
     properties: HashMap<&'a str, &'a str>,
     arguments: HashMap<&'a str, &'a str>,
+    places_left: Cell<usize>,
 }
 
 impl<'a> Values<'a> {
@@ -43,18 +47,22 @@ impl<'a> Values<'a> {
             }
             found
         };
-        Self { properties: given("property", "value"), arguments: given("arg", "default") }
+        let (properties, arguments) = (given("property", "value"), given("arg", "default"));
+        Self { properties, arguments, places_left: Cell::new(MOST) }
     }
 
     fn put_into(&self, text: &str, depth: usize) -> String {
         let mut out = String::with_capacity(text.len());
         let mut rest = text;
-        for _ in 0..MOST {
-            let Some(at) = rest.find('$') else { break };
+        while let (Some(at), Some(left)) = (rest.find('$'), self.places_left.get().checked_sub(1)) {
+            self.places_left.set(left);
             out.push_str(&rest[..at]);
             rest = &rest[at..];
             let close = if rest.starts_with("$(") { ')' } else { '}' };
-            let end = rest.find([close, '"', '\n']).map_or(rest.len(), |end| end + 1);
+            let mut near = rest.char_indices().take(LONGEST);
+            let end = near.find(|(_, letter)| [close, '"', '\n'].contains(letter));
+            // All of these are one byte long.
+            let end = end.map_or(1, |(end, _)| end + 1);
             let place = &rest[..end];
             let value = self.of_place(place, depth).filter(|value| {
                 value.len() <= LONGEST && !value.contains(['<', '>', '&', '"', '\'', '$'])
@@ -82,7 +90,7 @@ impl<'a> Values<'a> {
         if let Some(text) = self.text_of(expression, depth) {
             return Some(text);
         }
-        let value = Expression { rest: expression, values: self, depth }.whole()?;
+        let value = Expression { rest: expression, values: self, depth, nested: 0 }.whole()?;
         value.is_finite().then(|| format!("{value}"))
     }
 
@@ -107,15 +115,21 @@ struct Expression<'a> {
     rest: &'a str,
     values: &'a Values<'a>,
     depth: usize,
+    nested: usize,
 }
 
 impl Expression<'_> {
     fn whole(mut self) -> Option<f64> {
-        if self.rest.len() > LONGEST || self.depth >= DEEPEST {
-            return None;
-        }
         let value = self.sum()?;
         self.rest.trim().is_empty().then_some(value)
+    }
+
+    /// What stands behind a sign or inside of brackets, not nested too deep.
+    fn inner(&mut self, read: fn(&mut Self) -> Option<f64>) -> Option<f64> {
+        self.nested += 1;
+        let value = (self.nested < MOST_NESTED).then(|| read(self))?;
+        self.nested -= 1;
+        value
     }
 
     fn takes(&mut self, sign: char) -> bool {
@@ -152,18 +166,14 @@ impl Expression<'_> {
     }
 
     fn factor(&mut self) -> Option<f64> {
-        self.depth += 1;
-        if self.depth > LONGEST {
-            return None;
-        }
         if self.takes('-') {
-            return Some(-self.factor()?);
+            return self.inner(Self::factor).map(|value| -value);
         }
         if self.takes('+') {
-            return self.factor();
+            return self.inner(Self::factor);
         }
         if self.takes('(') {
-            let value = self.sum()?;
+            let value = self.inner(Self::sum)?;
             return self.takes(')').then_some(value);
         }
         let of_name = |letter: char| letter.is_alphanumeric() || letter == '_' || letter == '.';
@@ -192,6 +202,8 @@ impl Expression<'_> {
 
 #[cfg(test)]
 mod tests {
+    use std::fmt::Write;
+
     use super::*;
 
     fn first_name(attribute: &str) -> String {
@@ -219,8 +231,23 @@ mod tests {
             ("${a}", "${a}"),
             ("${1/0}", "${1/0}"),
             ("$5 ${", "$5 ${"),
+            ("${half+half+half+half+half+half+half+half+half+half}", "2.5"),
         ] {
             assert_eq!(first_name(written), read, "{written}");
         }
+        let brackets = format!("${{{}1{}}}", "(".repeat(99), ")".repeat(99));
+        assert_eq!(first_name(&brackets), brackets);
+    }
+
+    #[test]
+    fn values_that_double_values_end() {
+        let mut text = String::from("<robot xmlns:xacro=\"http://www.ros.org/wiki/xacro\">");
+        for name in 0..8 {
+            let twenty = format!("${{a{}}}", name + 1).repeat(20);
+            let _ = write!(text, "<xacro:property name=\"a{name}\" value=\"{twenty}\"/>");
+        }
+        text += &format!("<link name=\"${{a0}}{}\"/></robot>", "$".repeat(99_999));
+        let document = Document::parse(&text).unwrap();
+        assert!(filled(&document).is_some_and(|text| text.len() < 1_000_000));
     }
 }
