@@ -138,3 +138,19 @@ fn weights_that_are_no_weights_are_refused() {
     std::fs::write(program.path("mine.safetensors"), "not weights").unwrap();
     program.refused(&dance(&["--model", "mine.safetensors"]), &["mine.safetensors"]);
 }
+
+#[test]
+fn outputs_do_not_take_each_others_place_nor_the_songs() {
+    let program = Program::new();
+    program.click_track("song.wav", 2.0, 120.0);
+    let more = ["--gif", "./x.gif", "--picture", "x.png"];
+    let dance = |files: &[&'static str]| [&["dance", "song.wav"], files, &more].concat();
+    let song = std::fs::read(program.path("song.wav")).unwrap();
+    let run = program.run(&dance(&["--report", "song.wav"]));
+    let said = String::from_utf8_lossy(&run.stderr);
+    assert_eq!(run.status.code(), Some(2), "{said}");
+    assert!(said.contains("--report") && said.contains(".json"), "{said}");
+    assert_eq!(std::fs::read(program.path("song.wav")).unwrap(), song);
+    program.refused(&dance(&["--record", "out", "--report", "./out"]), &["--report", "--record"]);
+    program.succeed(&["dance", "song.wav", "--report", "x.json", "--no-picture", "--quiet"]);
+}

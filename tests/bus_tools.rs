@@ -390,7 +390,7 @@ fn calibrate_turns_round_joints_that_count_the_wrong_way() {
         let line = said.next().expect("a line").expect("text");
         assert!(line.contains(word), "{line}");
     };
-    heard("rest pose");
+    heard("zero pose");
     assert!(bus.set_servo_fault(0, ServoFault::Moved(0.05)));
     keyboard.write_all(b"\n").expect("typed");
     heard("positive end");
@@ -415,7 +415,7 @@ fn calibrate_refuses_what_it_cannot_write_or_reach() {
     let port = serial(&bus);
     program.refused(
         &["calibrate", "--robot", "neck", "--bus", &port, "--yes"],
-        &["built in", "configs/neck.toml"],
+        &["built in", "servodance robots neck --out"],
     );
     assert!(bus.set_servo_fault(0, ServoFault::Moved(2.5)));
     let before = std::fs::read_to_string(program.path(&robot)).expect("the file");

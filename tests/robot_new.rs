@@ -93,6 +93,17 @@ fn jerk_limits_of_the_description_are_taken_over() {
 }
 
 #[test]
+fn a_built_in_robot_is_copied_with_its_description() {
+    let program = Program::new();
+    let copy = ["robots", "neck", "--out", "my.toml"];
+    program.succeed(&copy);
+    assert_eq!(program.files(), ["my.toml", "neck.urdf"].map(|file| program.path(file)));
+    program.succeed(&["robot", "check", "my.toml", "--no-world"]);
+    program.refused(&copy, &["my.toml is there already"]);
+    program.refused(&["robots", "nek", "--out", "nek.toml"], &["nek", "neck", "op3"]);
+}
+
+#[test]
 fn random_robots_are_checked_drafted_and_danced_without_a_broken_limit() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("my.toml");

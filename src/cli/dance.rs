@@ -62,7 +62,7 @@ pub struct Args {
     #[command(flatten)]
     pub generator: GeneratorArgs,
     /// Write figures of the run as JSON (see docs/report.md).
-    #[arg(long, value_name = "FILE.json")]
+    #[arg(long, value_name = "FILE.json", value_parser = file_of("json"))]
     pub report: Option<PathBuf>,
     /// Record everything as MCAP, for robotics viewers.
     #[arg(long, value_name = "FILE.mcap", value_parser = file_of("mcap"))]
@@ -183,6 +183,7 @@ fn watched(config: DanceConfig, stop: &Arc<AtomicBool>) -> anyhow::Result<ExitCo
 
 /// Checks the arguments and loads the robot.
 pub fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
+    each_file_once(&args)?;
     let robot = args.rig.robot.load()?;
     let buses = choose_buses(&robot, &args.rig.bus)?;
     let all_simulated = buses.iter().all(|bus| *bus == BusChoice::Sim);
@@ -240,6 +241,27 @@ pub fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
         motion_log: None,
         quiet: args.quiet,
     })
+}
+
+/// No output takes the place of another one, or of the song.
+fn each_file_once(args: &Args) -> anyhow::Result<()> {
+    let picture = Some(&args.picture).filter(|_| !args.no_picture);
+    let files = [
+        ("AUDIO", args.audio.as_ref()),
+        ("--report", args.report.as_ref()),
+        ("--record", args.record.as_ref()),
+        ("--picture", picture),
+        ("--gif", args.gif.as_ref()),
+    ];
+    let files = files.map(|(option, path)| (option, path.map(std::path::absolute)));
+    for (at, (option, path)) in files.iter().enumerate() {
+        let Some(Ok(path)) = path else { continue };
+        let same = |(_, other): &&(&str, _)| matches!(other, Some(Ok(other)) if other == path);
+        if let Some((other, _)) = files[..at].iter().find(same) {
+            bail!("{other} and {option} are one file: {}", path.display());
+        }
+    }
+    Ok(())
 }
 
 /// A dance of the built-in song without any files, as if it had been asked for.

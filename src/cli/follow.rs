@@ -40,7 +40,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE.mcap", value_parser = file_of("mcap"))]
     pub record: Option<PathBuf>,
     /// Write figures of the run as JSON (see docs/stage.md).
-    #[arg(long, value_name = "FILE.json")]
+    #[arg(long, value_name = "FILE.json", value_parser = file_of("json"))]
     pub report: Option<PathBuf>,
     #[arg(help = "Print only errors", long, short)]
     pub quiet: bool,

@@ -1,5 +1,6 @@
 //! `servodance lead`.
 
+use crate::cli::options::file_ending::file_of;
 use crate::cli::prelude::*;
 use servodance_runtime::pipeline::model_args::GeneratorArgs;
 use std::net::SocketAddr;
@@ -37,7 +38,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["audio", "mic"])]
     pub show: Option<PathBuf>,
     /// Write figures of the run as JSON.
-    #[arg(long, value_name = "FILE.json")]
+    #[arg(long, value_name = "FILE.json", value_parser = file_of("json"))]
     pub report: Option<PathBuf>,
     #[arg(help = "Print only errors", long, short)]
     pub quiet: bool,

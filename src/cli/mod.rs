@@ -71,7 +71,7 @@ mod prelude {
     pub(super) use servodance_runtime::process::wrong_usage::WrongUsage;
     pub(super) use servodance_runtime::robot::Robot;
     pub(super) use servodance_runtime::telemetry::pending_file::write_whole;
-    pub(super) use std::path::PathBuf;
+    pub(super) use std::path::{Path, PathBuf};
     pub(super) use std::process::ExitCode;
 }
 

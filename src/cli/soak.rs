@@ -1,5 +1,6 @@
 //! `servodance soak`.
 
+use crate::cli::options::file_ending::file_of;
 use crate::cli::prelude::*;
 use servodance_lab::soak::{Soak, SoakMusic};
 use servodance_runtime::pipeline::model_args::EngineArgs;
@@ -31,7 +32,7 @@ pub struct Args {
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Write all figures as JSON.
-    #[arg(long, value_name = "FILE.json")]
+    #[arg(long, value_name = "FILE.json", value_parser = file_of("json"))]
     pub report: Option<PathBuf>,
     #[arg(help = "Show no progress", long, short)]
     pub quiet: bool,

@@ -1,6 +1,6 @@
 //! Zeros and directions of a robot file, measured on the robot.
 //!
-//! Torque goes off, people put the robot into its rest pose, and where each
+//! Torque goes off, people put the robot into its zero pose, and where each
 //! servo then stands is where its joint reads zero. With directions asked for,
 //! people then move joints towards their positive end, and a servo that counted
 //! down gets the other direction. The rest of the file, comments included,
@@ -15,7 +15,7 @@
 
 use super::consent::{Consent, pause};
 use super::plug;
-use crate::robot::{Robot, place_of};
+use crate::robot::Robot;
 use crate::telemetry::pending_file::write_whole;
 use anyhow::{Context, bail};
 use servodance_drivers::{Bus, Port, Servo, open_buses};
@@ -86,9 +86,8 @@ impl Calibration<'_> {
         let source = match servodance_robots::built_in(self.robot) {
             None => PathBuf::from(self.robot),
             Some(built_in) => bail!(
-                "{} is built in and cannot be changed: copy {} and the URDF beside it, and calibrate the copy",
-                self.robot,
-                place_of(built_in).display()
+                "{name} is built in and cannot be changed: calibrate a copy (`servodance robots {name} --out my-robot.toml`)",
+                name = built_in.name
             ),
         };
         let target = self.output.map_or(source.clone(), Path::to_owned);
@@ -100,9 +99,9 @@ impl Calibration<'_> {
         let exceptions: Vec<String> =
             robot.servos.iter().filter(leaves_out_zero).map(rest).collect();
         pause(&match exceptions.is_empty() {
-            true => "Move the robot into its rest pose (every joint at zero)".into(),
+            true => "Move the robot into its zero pose (every joint at zero)".into(),
             false => format!(
-                "Move the robot into its rest pose (every joint at zero, but {})",
+                "Move the robot into its zero pose (every joint at zero, but {})",
                 exceptions.join(", ")
             ),
         })?;
@@ -222,7 +221,7 @@ fn check(robot: &Robot, ports: &[Port], moved: bool, show: &impl Fn(&str)) -> an
     });
     if let (false, Some((off_rad, joint))) = (moved, worst.max_by(|a, b| a.0.total_cmp(&b.0))) {
         show(&format!(
-            "read again with these: {joint} is furthest from rest, {:.2} degrees",
+            "read again with these: {joint} is furthest from zero, {:.2} degrees",
             off_rad.to_degrees()
         ));
     }

@@ -114,7 +114,7 @@ impl Jog<'_> {
         let stopped = joint.disarm();
         moved?;
         stopped?;
-        Ok(format!("{}: from {from_deg:.1} to {to_deg:.1} degrees; torque is off", self.joint))
+        Ok(format!("{}: from {from_deg:.1} to {to_deg:.1} degrees; its torque is off", self.joint))
     }
 }
 

@@ -9,7 +9,6 @@
 //! | write a file for a description | [`new_robot`] |
 //! | draw robots beside the human | [`pose_sheet`] |
 
-mod built_in;
 mod check;
 mod config_source;
 mod description_text;
@@ -25,7 +24,6 @@ mod robot_folders;
 mod schema;
 mod standing_gain;
 
-pub use built_in::place_of;
 pub use check::{Checked, check};
 pub use draft::{NewRobot, new_robot};
 pub use getup_plan::{GetupPlan, GetupPose, Lying};
