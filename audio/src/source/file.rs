@@ -26,6 +26,9 @@ const PATIENCE: u64 = 1000;
 /// longer is a new beginning.
 const GAP_S: std::ops::Range<f64> = 0.005..30.0;
 
+/// What may lack of the length that a file states, seconds.
+const MISSED_S: f64 = 0.5;
+
 /// Decodes one track of a file. Silence replaces lost packets, so that everything
 /// after them stays in time.
 pub(super) struct FileReader {
@@ -47,6 +50,9 @@ pub(super) struct FileReader {
     skipped_before: u64,
     skipped_in_a_row: u64,
     fault: Option<String>,
+    /// The end came in the middle of something.
+    is_cut: bool,
+    has_ended: bool,
 }
 
 /// Reads a file until it is known to be long enough and audible.
@@ -118,6 +124,8 @@ impl FileReader {
             skipped_before: 0,
             skipped_in_a_row: 0,
             fault: None,
+            is_cut: false,
+            has_ended: false,
             format,
             name,
         })
@@ -135,8 +143,37 @@ impl FileReader {
         self.skipped
     }
 
+    /// What the file lacks, in words: all of it once the end was read.
+    pub(super) fn damage(&self) -> Option<String> {
+        let heard_s = self.delivered as f64 / f64::from(self.sample_rate_hz);
+        let promised_s = self.duration_s.filter(|_| self.says_its_length());
+        let lacks = promised_s.is_some_and(|promised_s| promised_s > heard_s + MISSED_S);
+        match (self.has_ended, promised_s) {
+            (true, Some(promised_s)) if lacks => {
+                Some(format!("cut short: {heard_s:.1} of {promised_s:.1} s are there"))
+            }
+            (true, _) if self.is_cut && !self.says_its_length() => {
+                Some(format!("cut short after {heard_s:.1} s"))
+            }
+            _ if self.skipped > 0 => Some(format!("{} broken packets left out", self.skipped)),
+            _ => None,
+        }
+    }
+
+    /// Whether the length is written in the file, unless a program wrote it as it went: of
+    /// MP3 it may be an estimate.
+    fn says_its_length(&self) -> bool {
+        matches!(self.format.format_info().short_name, "wave" | "flac")
+    }
+
     /// Appends the next packet that can be decoded; `false` at the end.
     pub(super) fn next_block(&mut self, block: &mut Vec<f32>) -> Result<bool, SourceError> {
+        let more = self.next_packet(block)?;
+        self.has_ended |= !more;
+        Ok(more)
+    }
+
+    fn next_packet(&mut self, block: &mut Vec<f32>) -> Result<bool, SourceError> {
         while self.skipped_in_a_row < PATIENCE {
             let packet = match self.format.next_packet() {
                 Ok(Some(packet)) if packet.track_id == self.track => packet,
@@ -149,6 +186,7 @@ impl FileReader {
                 // A file that was cut short ends here.
                 Err(Fault::IoError(error)) if error.kind() == std::io::ErrorKind::UnexpectedEof => {
                     self.fault = Some("it was cut short".to_owned());
+                    self.is_cut = true;
                     return Ok(false);
                 }
                 Err(Fault::IoError(error)) => return Err(SourceFault::io(error).of(&self.name)),

@@ -156,6 +156,17 @@ impl AudioSource {
         }
     }
 
+    /// What a recording lacks, in words: broken packets, and, once its end was read, an end
+    /// that came too early.
+    pub fn damage(&self) -> Option<String> {
+        match &self.reader {
+            SourceReader::File(reader) => {
+                reader.damage().map(|damage| format!("{}: {damage}", self.name))
+            }
+            SourceReader::Pcm(_) | SourceReader::Live(_) => None,
+        }
+    }
+
     /// Replaces the content of `block` by the next samples, -1 to 1. `false` at the
     /// end of the source, with an empty block.
     /// Errors: a source that breaks, or that ends before [`SHORTEST_S`].

@@ -100,6 +100,30 @@ fn each_fault_has_its_own_line() {
 }
 
 #[test]
+fn a_recording_that_is_cut_short_is_told() {
+    let folder = TempDir::new().unwrap();
+    let whole = wav(&folder, "whole.wav", 16_000, 1, &tone(16_000, 4.0));
+    let mut source = AudioSource::open(&whole).unwrap();
+    read_all(&mut source).unwrap();
+    assert_eq!(source.damage(), None);
+    let mut bytes = fs::read(&whole).unwrap();
+    bytes.truncate(bytes.len() / 2);
+    fs::write(&whole, &bytes).unwrap();
+    let mut source = AudioSource::open(&whole).unwrap();
+    read_all(&mut source).unwrap();
+    let told = source.damage().unwrap();
+    assert!(told.contains("whole.wav: cut short: 2.0 of 4.0 s"), "{told}");
+    // A program that writes as it goes does not know the length.
+    let at = bytes.windows(4).position(|four| four == b"data").unwrap() + 4;
+    bytes[at..at + 4].fill(0xff);
+    bytes[4..8].fill(0xff);
+    fs::write(&whole, &bytes).unwrap();
+    let mut source = AudioSource::open(&whole).unwrap();
+    read_all(&mut source).unwrap();
+    assert_eq!(source.damage(), None);
+}
+
+#[test]
 fn broken_flac_packet_is_skipped_and_counted() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("song.flac");
@@ -116,6 +140,8 @@ fn broken_flac_packet_is_skipped_and_counted() {
     let mut source = AudioSource::open(&path).unwrap();
     let heard = read_all(&mut source).unwrap();
     assert_eq!((heard.len(), source.skipped_packets()), (32_000, 1));
+    let told = source.damage().unwrap();
+    assert!(told.ends_with("song.flac: 1 broken packets left out"), "{told}");
     // What was lost is silent, and what follows is in time.
     assert_eq!(heard[4 * flac::BLOCK + 10], 0.0);
     let late = &heard[6 * flac::BLOCK..];

@@ -255,10 +255,24 @@ impl<'a> Trials<'a> {
 
 fn mean<'a>(
     dances: impl Iterator<Item = &'a &'a Clip>,
-    of: impl Fn(&Clip) -> anyhow::Result<f64>,
+    of: impl Fn(&Clip) -> anyhow::Result<f64> + Sync,
 ) -> anyhow::Result<f64> {
-    let each = dances.map(|dance| of(dance)).collect::<anyhow::Result<Vec<f64>>>()?;
+    let each = side_by_side(dances, |dance| of(dance));
+    let each = each.into_iter().collect::<anyhow::Result<Vec<f64>>>()?;
     Ok(each.iter().sum::<f64>() / each.len().max(1) as f64)
+}
+
+/// Runs each in a thread of its own; the results in their order.
+fn side_by_side<T: Send, R: Send>(
+    each: impl Iterator<Item = T>,
+    run: impl Fn(T) -> anyhow::Result<R> + Sync,
+) -> Vec<anyhow::Result<R>> {
+    std::thread::scope(|scope| {
+        let run = &run;
+        let running: Vec<_> = each.map(|one| scope.spawn(move || run(one))).collect();
+        let failed = |_| Err(anyhow::anyhow!("a trial in the simulated world panicked"));
+        running.into_iter().map(|thread| thread.join().unwrap_or_else(failed)).collect()
+    })
 }
 
 /// The report of the trial that leaned most; `None` if the robot fell in one.
@@ -291,12 +305,8 @@ fn stands(
     worlds: &[TrialOptions],
 ) -> anyhow::Result<Option<TrialReport>> {
     let frames = dance.frames();
-    let dance = |options| StandingTrial::new(robot, options)?.run(&frames, |_, _, _| ());
-    let reports: Vec<anyhow::Result<TrialReport>> = std::thread::scope(|scope| {
-        let trials: Vec<_> =
-            worlds.iter().map(|&options| scope.spawn(move || dance(options))).collect();
-        let failed = |_| Err(anyhow::anyhow!("a trial in the simulated world panicked"));
-        trials.into_iter().map(|trial| trial.join().unwrap_or_else(failed)).collect()
+    let reports = side_by_side(worlds.iter(), |&options| {
+        StandingTrial::new(robot, options)?.run(&frames, |_, _, _| ())
     });
     worst_of(reports, |report| report.map(|it| it.fell_s.is_none().then_some(it)))
 }

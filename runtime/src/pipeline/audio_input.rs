@@ -103,6 +103,11 @@ impl AudioInput {
         self.source()?.captured_at(position_s)
     }
 
+    /// What a recording lacks, in words.
+    pub fn damage(&self) -> Option<String> {
+        self.source()?.damage()
+    }
+
     /// The next thing about live sound that the user should know.
     pub fn next_notice(&mut self) -> Option<CaptureEvent> {
         match self {

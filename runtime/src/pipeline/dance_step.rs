@@ -79,6 +79,8 @@ pub struct MusicSummary {
     pub tokens_per_frame: u64,
     /// Music frames that were replaced because a number was not finite.
     pub replaced_music_frames: u64,
+    /// What the recording lacks, in words.
+    pub damage: Option<String>,
     /// Totals of live capture: gaps, stalls, dropped samples.
     pub capture: Option<CaptureStats>,
 }

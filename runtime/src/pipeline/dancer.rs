@@ -207,6 +207,7 @@ impl Dancer {
             meter: history.and_then(BeatHistory::live_meter),
             tokens_per_frame: self.generator.codes().len() as u64,
             replaced_music_frames: self.generator.bad_music_frames(),
+            damage: self.audio.damage(),
             capture: self.audio.capture_stats(),
         }
     }

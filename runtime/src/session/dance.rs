@@ -133,6 +133,9 @@ pub(super) fn perform(
 
     // What went wrong is seen best in what was recorded until then.
     let report = source.finish().and_then(|music| {
+        if let Some(damage) = &music.damage {
+            progress.note(damage);
+        }
         let mut report = dance_report(config, &run, &servos, &music, wall_s)?;
         report.model.clone_from(&generator.config().preset);
         report.left_out = shedding.names();
