@@ -70,6 +70,10 @@ fn robot_files_are_judged_with_their_description() {
         let (exit, json) = checked(&program, "my.toml");
         assert_eq!((exit, codes(&json)[0]), (Some(1), code), "{to}: {json}");
     }
+    let far = format!("{toml}\n[retarget.rest_deg]\nneck_tilt = 300\n");
+    std::fs::write(program.path("my.toml"), far).unwrap();
+    let (exit, json) = checked(&program, "my.toml");
+    assert_eq!((exit, codes(&json)[0]), (Some(0), "rest-outside"), "{json}");
     let (exit, json) = checked(&program, "missing.urdf");
     assert_eq!((exit, codes(&json)), (Some(1), vec!["file-unreadable"]));
 }

@@ -114,6 +114,7 @@ codes! {
     VelocityPlaceholder "velocity-placeholder" Repaired "a velocity limit no servo has: the servo map's is used";
     RangeUnset "range-unset" Repaired "both position limits are the same: the servo map's are used";
     ZeroOutside "zero-outside" Repaired "zero is outside the position limits: the nearest limit stands for it";
+    RestOutside "rest-outside" Repaired "a rest angle is outside the joint's limits: the nearest limit stands for it";
     VelocitySlow "velocity-slow" Note "a velocity limit below 1 rad/s: the dance is small and late";
     EffortUnset "effort-unset" Note "no effort limit (or 0)";
     EffortPlaceholder "effort-placeholder" Note "an effort limit of 1000 or more: a placeholder";

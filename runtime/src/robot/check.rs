@@ -95,6 +95,18 @@ pub fn check(file: &str) -> Checked {
     }
 }
 
+/// Rest angles that are moved into the joint's limits by more than rounding.
+fn rest_outside(robot: &Robot) -> impl Iterator<Item = Diagnostic> {
+    const ROUNDING_DEG: f64 = 0.1;
+    robot.retarget.rest_deg.iter().filter_map(|(name, degrees)| {
+        let servo = robot.servos.iter().find(|servo| servo.name == *name)?;
+        let used_deg = servo.limits.clamp_rad(degrees.to_radians()).to_degrees();
+        let text = format!("rest_deg is {degrees} degrees, {used_deg:.1} is used");
+        let moved = (used_deg - degrees).abs() > ROUNDING_DEG;
+        moved.then(|| Diagnostic::new(DiagnosticCode::RestOutside, name, text))
+    })
+}
+
 fn check_robot(file: &str) -> Vec<Diagnostic> {
     match Robot::load(file) {
         Ok(robot) => {
@@ -102,6 +114,7 @@ fn check_robot(file: &str) -> Vec<Diagnostic> {
             // The robot file names the parts.
             findings.retain(|finding| finding.code != DiagnosticCode::PartsNone);
             findings.extend(lint_limits(&robot.urdf_xml, &robot.joint_limits()));
+            findings.extend(rest_outside(&robot));
             findings
         }
         Err(error) => {
