@@ -184,6 +184,10 @@ fn a_servo_that_dies_is_named_and_the_others_lose_torque() {
     let _alone = alone();
     let (program, bus) = (Program::new(), servos());
     let child = dancing_with(&program, &bus, &["--record", "x.mcap", "--report", "x.json"]);
+    // Torque comes on before arming is over, and what cannot be armed is no dance.
+    let knee = || bus.servo(12).expect("a servo").position_rad;
+    let at_first = knee();
+    wait_until("movement", || (knee() - at_first).abs() > 0.02);
     assert!(bus.set_servo_fault(12, ServoFault::Dead));
     let output = child.wait_with_output().expect("it ends");
     let error = String::from_utf8_lossy(&output.stderr);
