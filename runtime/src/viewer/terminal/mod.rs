@@ -2,7 +2,7 @@
 //!
 //! A thread draws snapshots and reads keys, both through [`super::link`]: the
 //! control loop never waits for a terminal. Messages of the program are held back
-//! meanwhile (`console::Kept`).
+//! meanwhile (`console::HeldLines`).
 //!
 //! The terminal is restored at the end, on errors, Ctrl-C and panics. If the view
 //! fails or its terminal goes away, the emergency stop is pressed, because no key
