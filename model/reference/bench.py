@@ -17,7 +17,7 @@ import time
 import torch
 import torch.nn.functional as F
 
-from config import head_dim, presets
+from config import code_names, head_dim, presets
 from motionseq import MotionSeq
 from vqvae import Decoder
 
@@ -63,7 +63,7 @@ class Stream:
         width = head_dim(self.vq, self.vq["dim"], self.vq["heads"])
         self.rings = [Ring(self.vq["heads"], self.vq["decoder_window"], width, self.dtype)
                       for _ in self.decoder.layers]
-        self.codes, self.frame = [0] * len(config["parts"]), 0
+        self.codes, self.frame = [0] * len(code_names(config)), 0
 
     @torch.inference_mode()
     def step(self, music):
@@ -73,7 +73,7 @@ class Stream:
         slopes = seq["cross_slopes"] if seq["cross_aligned"] else [0.0] * seq["heads"]
         cross_bias = ages_bias(slopes, seq["window"], slot, self.dtype)
         stream = model.music_in(music)
-        x = sum(model.embed[p].weight[c][None] for p, c in zip(self.config["parts"], self.codes))
+        x = sum(model.embed[p].weight[c][None] for p, c in zip(model.names, self.codes))
         x = x + stream if seq["music_at_input"] else x
         style = model.style.weight[-1:]
         for layer, own, heard in zip(model.layers, self.own, self.heard):
@@ -83,8 +83,8 @@ class Stream:
             x = layer.style(x, style).to(self.dtype)
             x = x + layer.ff(layer.norm3(x))
         hidden, chosen = model.norm(x), torch.zeros(1, len(self.codes), dtype=torch.long)
-        for part in range(len(self.codes)):
-            chosen[0, part] = model.part_logits(part, hidden, chosen)[0, :self.config["codes"]].argmax()
+        for i in range(len(self.codes)):
+            chosen[0, i] = model.code_logits(i, hidden, chosen)[0, :self.config["codes"]].argmax()
         self.codes = chosen[0].tolist()
         window = self.vq["decoder_window"]
         slot = self.frame % window

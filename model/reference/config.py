@@ -22,9 +22,16 @@ def head_dim(stage, dim, heads):
     return stage.get("head_dim") or dim // heads
 
 
-def classes(config, part):
-    """Classes of a part's head: the first also knows the end of the sequence."""
-    return config["codes"] + (1 if config["seq"].get("eos") and part == config["parts"][0] else 0)
+def code_names(config):
+    """Names of the codes of a frame, in sampling order: the parts, then, with several
+    levels, what the codes before left of each (`trunk_2`)."""
+    return [part if level == 1 else f"{part}_{level}"
+            for level in range(1, config.get("levels", 1) + 1) for part in config["parts"]]
+
+
+def classes(config, name):
+    """Classes of a code's head: the first also knows the end of the sequence."""
+    return config["codes"] + (1 if config["seq"].get("eos") and name == config["parts"][0] else 0)
 
 
 def to_json(config):

@@ -14,7 +14,7 @@ import sys
 import torch
 from safetensors.torch import save_file
 
-from config import presets, to_json
+from config import code_names, presets, to_json
 from export import flat
 from motionseq import MotionSeq
 from vqvae import VqVae
@@ -32,7 +32,8 @@ def main():
         p.data += 0.1 * torch.randn_like(p)
     frames = 30  # several windows long
     poses = torch.randn(1, frames, config["motion_dim"])
-    codes = torch.randint(config["codes"], (1, frames, 2))
+    wide = len(code_names(config))
+    codes = torch.randint(config["codes"], (1, frames, wide))
     previous = torch.cat([codes[:, :1], codes[:, :-1]], 1)
     music = torch.randn(1, frames, config["music_dim"])
     style, null_style = torch.tensor([1]), torch.tensor([2])
@@ -46,7 +47,7 @@ def main():
                 golden[f"{name}_logits{i}"] = logits[0]
     norms = {"motion_mean": 0.01 * torch.randn(137), "motion_std": 0.05 + 0.01 * torch.rand(137),
              "music_mean": torch.randn(39), "music_std": 1 + torch.rand(39)}
-    starts = (torch.randint(config["codes"], (4, 2)), torch.tensor([0, 0, 1, 1]))
+    starts = (torch.randint(config["codes"], (4, wide)), torch.tensor([0, 0, 1, 1]))
     tensors = flat(vq.state_dict(), seq.state_dict(), norms, starts, torch.float32)
     save_file(tensors, os.path.join(out, "tiny.safetensors"), metadata={
         "format": "servodance-model-1", "config": to_json(config),

@@ -54,18 +54,19 @@ def training(tiny, out):
     model, config = with_end(tiny)
     model.train()
     end = config["codes"]
-    target = torch.randint(end, (3, 20, 2))
-    previous = torch.randint(end, (3, 20, 2))
+    target = torch.randint(end, (3, 20, len(model.names)))
+    previous = torch.randint(end, (3, 20, len(model.names)))
     music = torch.randn(3, 20, config["music_dim"])
     has_music, style = torch.tensor([True, False, True]), torch.tensor([0, 1, 2])
     lengths = torch.tensor([20, 20, 13])
     valid = torch.arange(20)[None] < lengths[:, None]
     logits = model(previous, target, music, has_music, style)
     # The last frame of the first sequence is beyond its clip: the first part says
-    # that it ends, the other says nothing.
-    first, second = target[..., 0].clone(), valid.clone()
-    first[0, 19], second[0, 19] = end, False
-    loss = F.cross_entropy(logits[0][valid], first[valid]) + F.cross_entropy(logits[1][second], target[..., 1][second])
+    # that it ends, the others say nothing.
+    first, others = target[..., 0].clone(), valid.clone()
+    first[0, 19], others[0, 19] = end, False
+    loss = F.cross_entropy(logits[0][valid], first[valid]) + sum(
+        F.cross_entropy(l[others], target[..., 1 + i][others]) for i, l in enumerate(logits[1:]))
     golden = {"in.previous": previous.int(), "in.target": target.int(), "in.music": music,
               "in.has_music": has_music.int(), "in.style": style.int(), "in.lengths": lengths.int(),
               "seq.loss": loss.detach()[None]}

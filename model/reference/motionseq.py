@@ -1,4 +1,4 @@
-"""Stage 2, MotionSeq: the next code of every body part, from the codes before,
+"""Stage 2, MotionSeq: the next codes of all body parts, from the codes before,
 the music up to now and a style.
 
 Position i reads the codes of frame i-1 and the music of frame i, and predicts
@@ -11,7 +11,7 @@ import torch.nn as nn
 import torch.nn.functional as F
 
 from blocks import Attention, ChannelDropout, FeedForward, alibi_bias, sinusoids
-from config import classes, head_dim
+from config import classes, code_names, head_dim
 
 
 class Style(nn.Module):
@@ -53,20 +53,20 @@ class MotionSeq(nn.Module):
     def __init__(self, config, dropout=0.0):
         super().__init__()
         seq = config["seq"]
-        self.seq, self.parts, self.codes = seq, config["parts"], config["codes"]
+        self.seq, self.names, self.codes = seq, code_names(config), config["codes"]
         dim = seq["dim"]
-        self.embed = nn.ModuleDict({p: nn.Embedding(self.codes, dim) for p in self.parts})
+        self.embed = nn.ModuleDict({p: nn.Embedding(self.codes, dim) for p in self.names})
         self.music_in = nn.Linear(config["music_dim"], dim)
         self.music_null = nn.Parameter(torch.zeros(dim))
         # The last row is the null style.
         self.style = nn.Embedding(len(seq["styles"]) + 1, seq["style_dim"])
         self.layers = nn.ModuleList(SeqLayer(seq, config["activation"], dropout) for _ in range(seq["layers"]))
         self.norm = nn.LayerNorm(dim)
-        self.head = nn.ModuleDict({p: nn.Linear(dim, classes(config, p)) for p in self.parts})
-        # Parts after the first also see the codes already chosen for this frame.
-        self.given = nn.ModuleDict({p: nn.Embedding(self.codes, dim) for p in self.parts[:-1]})
-        self.refine = nn.ModuleDict({p: FeedForward(dim, dim, config["activation"]) for p in self.parts[1:]})
-        self.refine_norm = nn.ModuleDict({p: nn.LayerNorm(dim) for p in self.parts[1:]})
+        self.head = nn.ModuleDict({p: nn.Linear(dim, classes(config, p)) for p in self.names})
+        # Codes after the first also see those already chosen for this frame.
+        self.given = nn.ModuleDict({p: nn.Embedding(self.codes, dim) for p in self.names[:-1]})
+        self.refine = nn.ModuleDict({p: FeedForward(dim, dim, config["activation"]) for p in self.names[1:]})
+        self.refine_norm = nn.ModuleDict({p: nn.LayerNorm(dim) for p in self.names[1:]})
         for table in [*self.embed.values(), *self.given.values()]:
             nn.init.normal_(table.weight, std=0.02 * 16)
 
@@ -78,7 +78,7 @@ class MotionSeq(nn.Module):
     def hidden(self, previous, music, has_music, style):
         seq = self.seq
         stream = self.music_stream(music, has_music)
-        x = sum(self.embed[p](previous[..., i]) for i, p in enumerate(self.parts))
+        x = sum(self.embed[p](previous[..., i]) for i, p in enumerate(self.names))
         if seq["music_at_input"]:
             x = x + stream
         length, none = x.shape[1], [0.0] * seq["heads"]
@@ -97,22 +97,22 @@ class MotionSeq(nn.Module):
             x = layer(x, stream, style, bias, cross_bias)
         return self.norm(x)
 
-    def part_logits(self, part_index, hidden, codes):
-        """Logits of one part, given the codes [.., parts] of the parts before it."""
-        part = self.parts[part_index]
-        if part_index:
+    def code_logits(self, index, hidden, codes):
+        """Logits of one code, given those of the frame [.., names] before it."""
+        name = self.names[index]
+        if index:
             hidden = hidden + sum(self.given[p](codes[..., i])
-                                  for i, p in enumerate(self.parts[:part_index]))
-            hidden = hidden + self.refine[part](self.refine_norm[part](hidden))
-        return self.head[part](hidden)
+                                  for i, p in enumerate(self.names[:index]))
+            hidden = hidden + self.refine[name](self.refine_norm[name](hidden))
+        return self.head[name](hidden)
 
     def forward(self, previous, target, music, has_music, style):
-        """Logits [B, T, codes] of every part; `target` feeds the later parts."""
+        """Logits [B, T, codes] of every code of a frame; `target` feeds the later ones."""
         hidden = self.hidden(previous, music, has_music, style)
-        return [self.part_logits(i, hidden, target).float() for i in range(len(self.parts))]
+        return [self.code_logits(i, hidden, target).float() for i in range(len(self.names))]
 
 
 def nll(logits, target, valid, smoothing=0.0):
-    """Mean negative log likelihood per part."""
+    """Mean negative log likelihood per code of a frame."""
     return [F.cross_entropy(l[valid], target[..., i][valid], label_smoothing=smoothing)
             for i, l in enumerate(logits)]

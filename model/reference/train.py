@@ -169,8 +169,11 @@ def train_vqvae(args):
         if quantise and not model.codebook[model.parts[0]].ready:
             z = [model.latents((data.motion[i] - mean) / std) for i in
                  (crops.batch(args.batch)[0] for _ in range(12))]
-            for p in model.parts:
-                model.codebook[p].k_means(torch.cat([a[p].flatten(0, 1) for a in z]))
+            left = {p: torch.cat([a[p].flatten(0, 1) for a in z]) for p in model.parts}
+            for i, name in enumerate(model.names):
+                part, book = model.parts[i % len(model.parts)], model.codebook[name]
+                book.k_means(left[part])
+                left[part] = left[part] - F.embedding(book.nearest(left[part]), book.embed)
         out, commit, codes = model(motion, valid, quantise, args.code_noise)
         terms = motion_terms(out, real, mean, std, valid, args.slide)
         loss = (terms["huber"] + args.position * terms["position"] + args.move * terms["velocity"]
@@ -204,17 +207,17 @@ def score_vqvae(model, data, mean, std, clips):
     row = {"val_mpjpe_mm": 1e3 * float(torch.cat(error).mean()),
            "val_move_mm": 1e3 * float(torch.cat(moved_error).mean()),
            "val_slide_mm": 1e3 * float(sum(slide) / sum(stood).clamp(min=1))}
-    for i, part in enumerate(model.parts):
+    for i, name in enumerate(model.names):
         used, perplexity = usage(codes[:, i], model.config["codes"])
-        row[f"{part}_used"], row[f"{part}_perplexity"] = used, perplexity
+        row[f"{name}_used"], row[f"{name}_perplexity"] = used, perplexity
     return row
 
 
 @torch.no_grad()
 def tokenise(model, data, mean, std):
-    """Codes [N, parts] of every frame; clips are encoded in overlapping pieces."""
+    """Codes [N, names] of every frame; clips are encoded in overlapping pieces."""
     margin, piece = model.config["vq"]["encoder_window"] * model.config["vq"]["encoder_layers"], 2000
-    codes = torch.zeros(len(data.motion), len(model.parts), dtype=torch.long)
+    codes = torch.zeros(len(data.motion), len(model.names), dtype=torch.long)
     for clip in range(len(data.clip_start)):
         frames = data.frames(clip)
         motion = (data.motion[frames] - mean) / std
@@ -276,7 +279,7 @@ def train_motionseq(args):
     vq.eval()
     codes = tokenise(vq, data, mean, std)
     neighbours = [vq.codebook[p].distances(vq.codebook[p].embed).topk(9, largest=False).indices[:, 1:]
-                  for p in vq.parts]
+                  for p in vq.names]
     # Weights that go on learning keep the scale of the music that they know.
     music_mean, music_std = ((before["music_mean"], before["music_std"]) if before
                              else data.music_normalisation())
@@ -309,7 +312,7 @@ def train_motionseq(args):
         noisy = corrupt(previous, rate, neighbours)
         logits = model(noisy, target, heard, has, style)
         parts = nll(logits, target, valid[:, 1:], args.smoothing)
-        return {"loss": sum(parts), **{f"nll_{p}": v for p, v in zip(model.parts, parts)}}
+        return {"loss": sum(parts), **{f"nll_{p}": v for p, v in zip(model.names, parts)}}
 
     held = [c for c in data.of_split(1) if data.has_music[c] == 1][:48]
     rng = torch.Generator().manual_seed(7)
@@ -328,7 +331,7 @@ def train_motionseq(args):
                 logits = model(previous, target, m, h, style)
             row[f"{name}_nll"] = float(sum(nll(logits, target, valid[:, 1:])))
             if name == "val":
-                for i, p in enumerate(model.parts):
+                for i, p in enumerate(model.names):
                     hit = (logits[i].argmax(-1) == target[..., i])[valid[:, 1:]]
                     row[f"acc_{p}"] = float(hit.float().mean())
         return row

@@ -1,4 +1,4 @@
-"""Stage 1: motion to one code per body part per frame, and back.
+"""Stage 1: motion to codes of body parts, frame by frame, and back.
 
 Encoders (one per part) see `encoder_window` frames to both sides; the decoder
 is causal and sees all parts. Motion here is normalised, [batch, frames, 137].
@@ -9,7 +9,7 @@ import torch.nn as nn
 import torch.nn.functional as F
 
 from blocks import Layer, alibi_bias
-from config import head_dim, part_channels
+from config import code_names, head_dim, part_channels
 
 
 class Codebook(nn.Module):
@@ -78,12 +78,14 @@ class Encoder(nn.Module):
             Layer(dim, heads, head_dim(vq, dim, heads), 4 * dim, config["activation"], dropout) for _ in range(vq["encoder_layers"]))
         self.norm = nn.LayerNorm(dim)
         self.output = nn.Linear(dim, config["code_dim"])
+        self.skip = nn.Linear(len(channels), config["code_dim"]) if vq.get("skip") else None
 
     def forward(self, x, bias):
+        skipped = self.skip(x) if self.skip else 0
         x = self.input(x)
         for layer in self.layers:
             x = layer(x, bias)
-        return self.output(self.norm(x))
+        return self.output(self.norm(x)) + skipped
 
 
 class Decoder(nn.Module):
@@ -99,25 +101,28 @@ class Decoder(nn.Module):
                   dropout) for _ in range(vq["decoder_layers"]))
         self.norm = nn.LayerNorm(vq["dim"])
         self.output = nn.Linear(vq["dim"], config["motion_dim"])
+        wide = len(config["parts"]) * config["code_dim"]
+        self.skip = nn.Linear(wide, config["motion_dim"]) if vq.get("skip") else None
 
     def forward(self, codes):
         bias = alibi_bias(codes.shape[1], self.vq["decoder_slopes"], self.vq["decoder_window"])
+        skipped = self.skip(codes) if self.skip else 0
         x = self.input(codes)
         for layer in self.layers:
             x = layer(x, bias)
-        return self.output(self.norm(x))
+        return self.output(self.norm(x)) + skipped
 
 
 class VqVae(nn.Module):
     def __init__(self, config, dropout=0.0):
         super().__init__()
-        self.config, self.parts = config, config["parts"]
+        self.config, self.parts, self.names = config, config["parts"], code_names(config)
         self.channels = {part: part_channels(part) for part in self.parts}
         self.encoder = nn.ModuleDict({
             part: Encoder(self.channels[part], config, dropout)
             for part in self.parts})
         self.codebook = nn.ModuleDict(
-            {part: Codebook(config["codes"], config["code_dim"]) for part in self.parts})
+            {name: Codebook(config["codes"], config["code_dim"]) for name in self.names})
         self.decoder = Decoder(config, dropout)
 
     def latents(self, motion):
@@ -129,16 +134,22 @@ class VqVae(nn.Module):
                 for part in self.parts}
 
     def encode(self, motion):
-        """Codes [B, T, parts] of normalised motion."""
-        latents = self.latents(motion)
-        return torch.stack([self.codebook[p].nearest(latents[p]) for p in self.parts], -1)
+        """Codes [B, T, names] of normalised motion: each level codes what is left."""
+        left, codes = self.latents(motion), []
+        for i, name in enumerate(self.names):
+            part, book = self.parts[i % len(self.parts)], self.codebook[name]
+            codes.append(book.nearest(left[part]))
+            left[part] = left[part] - F.embedding(codes[-1], book.embed)
+        return torch.stack(codes, -1)
 
     def embed(self, codes):
-        return torch.cat([F.embedding(codes[..., i], self.codebook[p].embed)
-                          for i, p in enumerate(self.parts)], -1)
+        """Of each part the sum of its codes' vectors, side by side."""
+        vectors = [F.embedding(codes[..., i], self.codebook[name].embed)
+                   for i, name in enumerate(self.names)]
+        return torch.cat([sum(vectors[i::len(self.parts)]) for i in range(len(self.parts))], -1)
 
     def decode(self, codes):
-        """Normalised motion from codes [B, T, parts]."""
+        """Normalised motion from codes [B, T, names]."""
         return self.decoder(self.embed(codes)).float()
 
     def forward(self, motion, valid, quantise=True, noise=0.0):
@@ -146,25 +157,27 @@ class VqVae(nn.Module):
         of the codebook; `noise` is the share of frames that get one of their
         nearest eight codes instead of the nearest."""
         latents = self.latents(motion)
-        quantised, commit, indices = [], 0.0, []
-        for part in self.parts:
-            z, book = latents[part], self.codebook[part]
-            if not quantise:
-                quantised.append(z)
-                continue
+        if not quantise:
+            return self.decoder(torch.cat(list(latents.values()), -1)).float(), 0.0, None
+        chosen, commit, indices = {part: 0.0 for part in self.parts}, 0.0, []
+        left = dict(latents)
+        for i, name in enumerate(self.names):
+            part, book = self.parts[i % len(self.parts)], self.codebook[name]
+            z = left[part]
             with torch.no_grad():
                 distance = book.distances(z)
                 index = distance.argmin(-1)
                 if self.training:
                     book.update(z[valid], index[valid])
-            target = F.embedding(index, book.embed)
+            shown = target = F.embedding(index, book.embed)
             commit = commit + F.mse_loss(z[valid], target[valid])
             if noise:
                 near = distance.topk(8, largest=False).indices
                 pick = near.gather(-1, torch.randint(8, index.shape)[..., None])[..., 0]
-                target = torch.where((torch.rand(index.shape) < noise)[..., None],
-                                     F.embedding(pick, book.embed), target)
-            quantised.append(z + (target - z).detach())
+                shown = torch.where((torch.rand(index.shape) < noise)[..., None],
+                                    F.embedding(pick, book.embed), target)
+            chosen[part] = chosen[part] + shown
+            left[part] = z - target
             indices.append(index)
-        out = self.decoder(torch.cat(quantised, -1)).float()
-        return out, commit, torch.stack(indices, -1) if indices else None
+        quantised = [z + (chosen[part] - z).detach() for part, z in latents.items()]
+        return self.decoder(torch.cat(quantised, -1)).float(), commit, torch.stack(indices, -1)

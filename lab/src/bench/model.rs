@@ -170,7 +170,7 @@ fn frame_times_ms(
     let (mut dance, mut motion) = (seq.start(lanes), decoder.start());
     dance.jump(position.saturating_sub(WARM_UP as u64));
     motion.jump(position.saturating_sub(WARM_UP as u64));
-    let mut codes = vec![0; config.parts.len()];
+    let mut codes = vec![0; config.codes_a_frame()];
     let music: Vec<f32> = (0..config.music_dim).map(|i| (i as f32).sin()).collect();
     let heard = [Some(&music[..]), None];
     let mut frame = || -> Result<f64, ModelError> {

@@ -51,8 +51,12 @@ pub struct ModelConfig {
     pub music: MusicKind,
     /// Numbers a music frame, those of its kind.
     pub music_dim: usize,
-    /// Body parts with a codebook each, in sampling order.
+    /// Body parts with codebooks of their own, in sampling order.
     pub parts: Vec<String>,
+    /// Codebooks of a part: each one codes what those before it left (residual vector
+    /// quantisation), and the vectors of their codes are added.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub levels: usize,
     /// Codes in a codebook.
     pub codes: usize,
     /// Width of a code.
@@ -69,6 +73,9 @@ pub struct ModelConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VqConfig {
+    /// Encoders and decoder add a linear map of their input to their output.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub skip: bool,
     /// Width of the vectors between layers.
     pub dim: usize,
     /// Attention heads of each layer.
@@ -139,6 +146,14 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
+fn one() -> usize {
+    1
+}
+
+fn is_one(value: &usize) -> bool {
+    *value == 1
+}
+
 impl VqConfig {
     /// Width of a decoder head.
     pub fn decoder_head_dim(&self) -> usize {
@@ -177,10 +192,30 @@ impl SeqConfig {
 }
 
 impl ModelConfig {
-    /// Classes of a part's head: the codes, and in the first part the end of
+    /// Names of the codes of a frame, in sampling order: the parts, then, with several
+    /// levels, what the codes before left of each (`trunk_2`).
+    pub fn code_names(&self) -> Vec<String> {
+        let of_level = |level| self.parts.iter().map(move |part| Self::code_name(part, level));
+        (1..=self.levels).flat_map(of_level).collect()
+    }
+
+    /// Name of a part's code at a level, which count from 1.
+    pub fn code_name(part: &str, level: usize) -> String {
+        match level {
+            1 => part.to_owned(),
+            _ => format!("{part}_{level}"),
+        }
+    }
+
+    /// How many codes a frame has.
+    pub fn codes_a_frame(&self) -> usize {
+        self.parts.len() * self.levels
+    }
+
+    /// Classes of a code's head: the codes, and in the first one the end of
     /// the sequence where the configuration has one.
-    pub fn classes(&self, part: usize) -> usize {
-        self.codes + usize::from(self.seq.eos && part == 0)
+    pub fn classes(&self, code: usize) -> usize {
+        self.codes + usize::from(self.seq.eos && code == 0)
     }
 
     /// Parses and checks; the error names the field, its value and the range.
@@ -206,6 +241,7 @@ impl ModelConfig {
         let (vq, seq) = (&self.vq, &self.seq);
         for (name, value, limit) in [
             ("parts", self.parts.len(), 8),
+            ("levels", self.levels, 4),
             ("codes", self.codes, 65_536),
             ("code_dim", self.code_dim, 8192),
             ("vq.dim", vq.dim, 8192),

@@ -81,7 +81,7 @@ impl Dance {
             seq: networks.seq.start(lanes),
             decoder: networks.decoder.start(),
             sampler,
-            penalty: RepetitionPenalty::new(codes.len(), config.codes),
+            penalty: RepetitionPenalty::new(config.parts.len(), config.codes),
             logits: Vec::with_capacity(config.codes + 1),
             codes,
             music: vec![0.0; config.music_dim],
@@ -294,8 +294,8 @@ impl Dance {
         let lanes = self.seq.lanes();
         seq.step(team, &mut self.seq, &self.codes, &music[..lanes])?;
         self.sequence_frames += 1;
-        for part in 0..self.codes.len() {
-            let code = self.draw(seq, team, part)?;
+        for index in 0..self.codes.len() {
+            let code = self.draw(seq, team, index)?;
             if code == self.networks.config.codes {
                 return match self.options.at_end {
                     AtEnd::Stop => Err(ModelError::Ended { frame: self.frames }),
@@ -305,15 +305,15 @@ impl Dance {
                     }
                 };
             }
-            self.codes[part] = code;
+            self.codes[index] = code;
         }
-        self.penalty.push(&self.codes);
+        self.penalty.push(&self.codes[..self.networks.config.parts.len()]);
         Ok(())
     }
 
-    /// One part's code, or the number of codes for the end (never in the first frame).
-    fn draw(&mut self, seq: &MotionSeq, team: &Team, part: usize) -> Result<usize, ModelError> {
-        let mut lanes = seq.logits(team, &mut self.seq, part, &self.codes[..part])?;
+    /// One code of a frame, or the number of codes for the end (never in the first frame).
+    fn draw(&mut self, seq: &MotionSeq, team: &Team, index: usize) -> Result<usize, ModelError> {
+        let mut lanes = seq.logits(team, &mut self.seq, index, &self.codes[..index])?;
         self.logits.clear();
         self.logits.extend(lanes.next().unwrap_or_default());
         if let Some(unheard) = lanes.next() {
@@ -325,6 +325,18 @@ impl Dance {
         if self.sequence_frames == 1 {
             self.logits.truncate(codes);
         }
+        drop(lanes);
+        // What is left of a part says nothing of the figure.
+        if index < self.networks.config.parts.len() {
+            self.discourage(index);
+        }
+        let drawn = self.sampler.draw(&self.logits);
+        drawn.ok_or(ModelError::Diverged { frame: self.frames })
+    }
+
+    /// Repetition penalties of one part.
+    fn discourage(&mut self, part: usize) {
+        let codes = self.networks.config.codes;
         let bar_frames = self.phrases.bar_to_repeat();
         let in_phrase = if bar_frames.is_some() { VARIETY_IN_PHRASE } else { 1.0 };
         let strength = PenaltyStrength {
@@ -334,11 +346,9 @@ impl Dance {
             bar_frames,
         };
         self.penalty.apply(part, strength, &mut self.logits[..codes]);
-        let drawn = self.sampler.draw(&self.logits);
-        drawn.ok_or(ModelError::Diverged { frame: self.frames })
     }
 
-    /// The codes of the last frame, one per body part.
+    /// The codes of the last frame ([`ModelConfig::code_names`](crate::config::ModelConfig::code_names)).
     pub fn codes(&self) -> &[usize] {
         &self.codes
     }

@@ -10,7 +10,7 @@ use crate::error::ModelError;
 /// What the model says of the codes of a dance, frame by frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Likelihood {
-    /// Mean negative log likelihood of a frame, nats, all parts together.
+    /// Mean negative log likelihood of a frame, nats, all codes together.
     pub nll: f64,
     /// The likeliest codes of each frame, the past as it was danced.
     pub likeliest: Vec<Vec<usize>>,

@@ -107,7 +107,7 @@ impl Generator {
             )));
         }
         let rows = |name, columns, limit| w.integer_rows(name, columns, limit);
-        let start_codes = rows("start.codes", config.parts.len(), config.codes)?;
+        let start_codes = rows("start.codes", config.codes_a_frame(), config.codes)?;
         let start_styles = rows("start.styles", 1, config.seq.styles.len().max(1))?.concat();
         if start_codes.is_empty() || start_codes.len() != start_styles.len() {
             return Err(w.config_error(format!(

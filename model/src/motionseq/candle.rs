@@ -21,7 +21,7 @@ struct CandleLayer {
 
 #[derive(Clone, Debug)]
 struct CandleHead {
-    /// Of parts after the first, which see the codes chosen before.
+    /// Of codes after the first, which see those chosen before.
     refine: Option<TensorFeedForward>,
     head: TensorLinear,
 }
@@ -29,7 +29,7 @@ struct CandleHead {
 impl CandleHead {
     fn load(w: &Weights, index: usize, dtype: Dtype) -> Result<Self, ModelError> {
         let (config, rounded) = (w.config(), RoundedWeights(w, dtype));
-        let (dim, part) = (config.seq.dim, &config.parts[index]);
+        let (dim, part) = (config.seq.dim, &config.code_names()[index]);
         let (norm, name) = (format!("seq.refine_norm.{part}"), format!("seq.refine.{part}"));
         let load =
             || TensorFeedForward::load(&rounded, (&norm, &name), (dim, dim), config.activation);
@@ -83,7 +83,7 @@ impl CandleSeq {
                 feed_forward: TensorFeedForward::load(&rounded, names, sizes, config.activation)?,
             })
         };
-        let heads = (0..config.parts.len()).map(|i| CandleHead::load(w, i, dtype));
+        let heads = (0..config.codes_a_frame()).map(|i| CandleHead::load(w, i, dtype));
         Ok(Self {
             music_dim: config.music_dim,
             music_in: TensorLinear::load(&rounded, "seq.music_in", config.music_dim, dim)?,
@@ -153,7 +153,7 @@ impl CandleSeq {
     }
 
     /// Logits of one part, [lanes * frames, classes], for the frames of the last
-    /// step; `chosen` holds, for each frame, at least the codes of the parts before.
+    /// step; `chosen` holds, for each frame, at least the codes before it.
     pub fn logits<'a>(
         &self,
         state: &'a mut CandleSeqState,

@@ -8,9 +8,9 @@ use crate::weights::Weights;
 
 #[derive(Clone, Debug)]
 pub(super) struct CodeEmbeddings {
-    /// The code of the frame before, one table for each part.
+    /// The codes of the frame before, a table for each.
     previous: Vec<EmbeddingTable>,
-    /// The code just chosen, told to later parts; none for the last part.
+    /// The code just chosen, told to those after it; none for the last.
     chosen: Vec<EmbeddingTable>,
     absolute: bool,
 }
@@ -18,17 +18,18 @@ pub(super) struct CodeEmbeddings {
 impl CodeEmbeddings {
     pub fn load(w: &Weights) -> Result<Self, ModelError> {
         let config = w.config();
-        let tables = |kind: &str, parts: &[String]| {
-            let table = |part: &String| {
-                let name = format!("seq.{kind}.{part}.weight");
+        let tables = |kind: &str, names: &[String]| {
+            let table = |name: &String| {
+                let name = format!("seq.{kind}.{name}.weight");
                 EmbeddingTable::load(w, &name, config.codes, config.seq.dim)
             };
-            parts.iter().map(table).collect::<Result<_, _>>()
+            names.iter().map(table).collect::<Result<_, _>>()
         };
-        let earlier = config.parts.len().saturating_sub(1);
+        let names = config.code_names();
+        let earlier = names.len().saturating_sub(1);
         Ok(Self {
-            previous: tables("embed", &config.parts)?,
-            chosen: tables("given", &config.parts[..earlier])?,
+            previous: tables("embed", &names)?,
+            chosen: tables("given", &names[..earlier])?,
             absolute: config.seq.positions == Positions::Sinusoidal,
         })
     }
@@ -38,7 +39,7 @@ impl CodeEmbeddings {
         add_rows(x, &self.previous, codes);
     }
 
-    /// Adds the codes that were chosen for the first parts of this frame.
+    /// Adds the codes that were chosen first in this frame.
     pub fn add_chosen(&self, x: &mut [f32], codes: &[usize]) {
         add_rows(x, &self.chosen, codes);
     }

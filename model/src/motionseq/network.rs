@@ -110,8 +110,8 @@ impl MotionSeq {
         }
     }
 
-    /// Logits of one part for the frame of the last step; `chosen` are the
-    /// codes of the parts before it. One slice a lane.
+    /// Logits of one code for the frame of the last step; `chosen` are those
+    /// before it. One slice a lane.
     pub fn logits<'a>(
         &self,
         team: &Team,

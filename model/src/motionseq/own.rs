@@ -19,7 +19,7 @@ struct OwnLayer {
 
 #[derive(Clone, Debug)]
 struct OwnHead {
-    /// Of parts after the first, which see the codes chosen before.
+    /// Of codes after the first, which see those chosen before.
     refine: Option<FeedForwardBlock>,
     head: PackedLinear,
 }
@@ -27,7 +27,7 @@ struct OwnHead {
 impl OwnHead {
     fn load(w: &Weights, index: usize, dtype: Dtype) -> Result<Self, ModelError> {
         let config = w.config();
-        let (dim, part) = (config.seq.dim, &config.parts[index]);
+        let (dim, part) = (config.seq.dim, &config.code_names()[index]);
         let (norm, name) = (format!("seq.refine_norm.{part}"), format!("seq.refine.{part}"));
         let refine = (index > 0)
             .then(|| FeedForwardBlock::load(w, (&norm, &name), dim, dim, dtype))
@@ -97,7 +97,7 @@ impl OwnSeq {
             PackedLinear::load(w, &name, dim, 2 * cross.wide(), dtype)
         };
         let keys_values = (0..seq.layers).map(keys_values).collect::<Result<_, _>>()?;
-        let heads = (0..config.parts.len()).map(|i| OwnHead::load(w, i, dtype));
+        let heads = (0..config.codes_a_frame()).map(|i| OwnHead::load(w, i, dtype));
         let mut network = Self {
             music_in: PackedLinear::load(w, "seq.music_in", config.music_dim, dim, dtype)?,
             music_null: w.floats("seq.music_null", &[dim])?,

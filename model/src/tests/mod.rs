@@ -80,10 +80,13 @@ fn bytes_as<T>(name: &str, read: impl Fn([u8; 4]) -> T) -> Vec<T> {
     view.data().as_chunks::<4>().0.iter().map(|b| read(*b)).collect()
 }
 
-/// Rows of one code per part (the tiny model has two parts).
+/// Codes of a frame of the tiny model: two parts, two levels.
+const CODES_A_FRAME: usize = 4;
+
+/// The codes of all frames.
 pub(super) fn code_rows(name: &str) -> Vec<Vec<usize>> {
     let codes = bytes_as(name, |b| i32::from_le_bytes(b) as usize);
-    codes.chunks(2).map(<[usize]>::to_vec).collect()
+    codes.chunks(CODES_A_FRAME).map(<[usize]>::to_vec).collect()
 }
 
 pub(super) fn floats(name: &str) -> Vec<f32> {

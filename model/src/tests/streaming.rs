@@ -54,10 +54,10 @@ fn other_shapes() -> Vec<ModelConfig> {
 #[test]
 fn a_frame_at_a_time_gives_what_one_pass_gives() {
     for config in other_shapes() {
-        let (parts, codes) = (config.parts.len(), config.codes);
+        let (wide, codes) = (config.codes_a_frame(), config.codes);
         let weights = Weights::random(config);
         let rows: Vec<Vec<usize>> =
-            (0..30).map(|t| (0..parts).map(|p| (t * 7919 + p * 31) % codes).collect()).collect();
+            (0..30).map(|t| (0..wide).map(|p| (t * 7919 + p * 31) % codes).collect()).collect();
         let music: Vec<f32> = (0..30 * 39).map(|i| (i as f32 * 0.37).sin()).collect();
         let what = &weights.config().preset;
         let motion = decoded_at_once(&weights, &rows);

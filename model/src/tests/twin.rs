@@ -1,8 +1,8 @@
 //! Both engines against what the PyTorch twin computes.
 
 use super::{
-    Golden, STYLE, TINY, check_same, code_rows, danced_at_once, decoded, decoded_at_once, floats,
-    hidden, slices,
+    CODES_A_FRAME, Golden, STYLE, TINY, check_same, code_rows, danced_at_once, decoded,
+    decoded_at_once, floats, hidden, slices,
 };
 use crate::engine::EngineKind;
 use crate::vqvae::VqEncoder;
@@ -39,9 +39,9 @@ fn motionseq_at_once_agrees_with_the_twin() {
     for (name, music, style) in [("heard", Some(&g.music[..]), STYLE), ("deaf", None, None)] {
         let (seq, mut state) = danced_at_once(&g.weights, &g.previous, music, style);
         check_same(name, state.hidden(), &floats(&format!("{name}_hidden")));
-        for part in 0..2 {
-            let logits = seq.logits(&mut state, part, &slices(&g.codes)).unwrap();
-            check_same(name, logits, &floats(&format!("{name}_logits{part}")));
+        for code in 0..CODES_A_FRAME {
+            let logits = seq.logits(&mut state, code, &slices(&g.codes)).unwrap();
+            check_same(name, logits, &floats(&format!("{name}_logits{code}")));
         }
     }
 }

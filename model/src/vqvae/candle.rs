@@ -35,6 +35,7 @@ impl CandleDecoder {
             slopes: vq.decoder_slopes.clone(),
             window: AttentionWindow { frames: vq.decoder_window, ahead: 0 },
             activation: config.activation,
+            skip: vq.skip,
         };
         let transformer = TensorTransformer::load(&RoundedWeights(w, dtype), "vq.decoder", sizes)?;
         Ok(Self { dtype, codebooks, transformer })

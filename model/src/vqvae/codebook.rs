@@ -1,4 +1,4 @@
-//! Codebooks: one table of vectors for each body part, in which the decoder looks
+//! Codebooks: tables of vectors for each body part, in which the decoder looks
 //! vectors up by code. The search for the nearest one is in `nearest_code`.
 
 use crate::engine::EmbeddingTable;
@@ -8,33 +8,37 @@ use crate::weights::Weights;
 /// The codebooks of all body parts, for look-up by code.
 #[derive(Clone, Debug)]
 pub(crate) struct Codebooks {
+    /// Level by level, in each all parts.
     tables: Vec<EmbeddingTable>,
+    parts: usize,
     code_dim: usize,
 }
 
 impl Codebooks {
     pub fn load(w: &Weights) -> Result<Self, ModelError> {
         let config = w.config();
-        let table = |part| {
-            let name = format!("vq.codebook.{part}");
+        let table = |name: &String| {
+            let name = format!("vq.codebook.{name}");
             EmbeddingTable::load(w, &name, config.codes, config.code_dim)
         };
         Ok(Self {
-            tables: config.parts.iter().map(table).collect::<Result<_, _>>()?,
+            tables: config.code_names().iter().map(table).collect::<Result<_, _>>()?,
+            parts: config.parts.len(),
             code_dim: config.code_dim,
         })
     }
 
     /// Numbers of the vectors of all parts side by side.
     pub fn width(&self) -> usize {
-        self.tables.len() * self.code_dim
+        self.parts * self.code_dim
     }
 
-    /// Writes the vectors of one code per part side by side.
+    /// Writes the vectors of all parts side by side, each the sum of its codes'.
     pub fn look_up(&self, codes: &[usize], out: &mut [f32]) {
-        let out = out.chunks_exact_mut(self.code_dim);
-        for ((to, table), code) in out.zip(&self.tables).zip(codes) {
-            to.copy_from_slice(table.row(*code));
+        out.fill(0.0);
+        for (i, (table, code)) in self.tables.iter().zip(codes).enumerate() {
+            let to = &mut out[i % self.parts * self.code_dim..][..self.code_dim];
+            to.iter_mut().zip(table.row(*code)).for_each(|(sum, v)| *sum += v);
         }
     }
 }

@@ -53,7 +53,7 @@ impl Codec {
         })
     }
 
-    /// One code per body part for each frame but the last (a frame's numbers
+    /// The codes of each frame but the last (a frame's numbers
     /// hold the step to the next). The clip is brought to 20 FPS and the
     /// common skeleton first ([`Clip::normalised`]).
     pub fn encode(&self, clip: &Clip) -> Result<Vec<Vec<usize>>, ModelError> {

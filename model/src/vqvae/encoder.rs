@@ -1,4 +1,4 @@
-//! The VQ-VAE's encoders: normalised motion to one code per body part and frame.
+//! The VQ-VAE's encoders: normalised motion to the codes of each frame.
 //!
 //! Each part's encoder sees some frames to both sides, so this is for motion
 //! that is there already (a file to send through the codes, the past that a
@@ -8,7 +8,7 @@
 use candle_core::{Device, Tensor};
 
 use super::nearest_code::NearestCode;
-use crate::config::{VqConfig, part_channels};
+use crate::config::{ModelConfig, VqConfig, part_channels};
 use crate::engine::AttentionWindow;
 use crate::engine::candle::{TensorTransformer, TransformerSizes};
 use crate::error::ModelError;
@@ -23,7 +23,8 @@ struct PartEncoder {
     /// Which of the 137 numbers it sees.
     channels: Vec<usize>,
     transformer: TensorTransformer,
-    codebook: NearestCode,
+    /// One a level.
+    codebooks: Vec<NearestCode>,
 }
 
 /// The encoders of all body parts.
@@ -42,7 +43,7 @@ impl VqEncoder {
         Ok(Self { parts: parts.collect::<Result<_, _>>()?, config: config.vq.clone() })
     }
 
-    /// One code per part for each row of 137 normalised numbers.
+    /// The codes ([`ModelConfig::code_names`]) of each row of 137 normalised numbers.
     pub fn encode(&self, motion: &[[f32; POSE_DIM]]) -> Result<Vec<Vec<usize>>, ModelError> {
         let margin = self.config.encoder_window * self.config.encoder_layers;
         let mut codes = Vec::with_capacity(motion.len());
@@ -58,13 +59,14 @@ impl VqEncoder {
     }
 
     fn encode_piece(&self, motion: &[[f32; POSE_DIM]]) -> Result<Vec<Vec<usize>>, ModelError> {
-        let mut rows = vec![Vec::with_capacity(self.parts.len()); motion.len()];
-        for part in &self.parts {
-            for (row, code) in rows.iter_mut().zip(part.codes(motion)?) {
-                row.push(code as usize);
-            }
-        }
-        Ok(rows)
+        let parts = self.parts.iter().map(|part| part.codes(motion));
+        let parts: Vec<Vec<Vec<u32>>> = parts.collect::<Result<_, _>>()?;
+        let levels = self.parts.first().map_or(0, |part| part.codebooks.len());
+        let row = |frame: usize| {
+            let of_level = |level: usize| parts.iter().map(move |codes| codes[level][frame]);
+            (0..levels).flat_map(of_level).map(|code| code as usize).collect()
+        };
+        Ok((0..motion.len()).map(row).collect())
     }
 }
 
@@ -82,20 +84,29 @@ impl PartEncoder {
             slopes: vq.encoder_slopes.clone(),
             window: AttentionWindow { frames: vq.encoder_window, ahead: vq.encoder_window },
             activation: config.activation,
+            skip: vq.skip,
         };
+        let names = (1..=config.levels).map(|level| ModelConfig::code_name(part, level));
         Ok(Self {
             transformer: TensorTransformer::load(w, &format!("vq.encoder.{part}"), sizes)?,
-            codebook: NearestCode::load(w, part)?,
+            codebooks: names.map(|name| NearestCode::load(w, &name)).collect::<Result<_, _>>()?,
             channels,
         })
     }
 
-    fn codes(&self, motion: &[[f32; POSE_DIM]]) -> Result<Vec<u32>, ModelError> {
+    /// [level][frame].
+    fn codes(&self, motion: &[[f32; POSE_DIM]]) -> Result<Vec<Vec<u32>>, ModelError> {
         let seen: Vec<f32> =
             motion.iter().flat_map(|row| self.channels.iter().map(|&c| row[c])).collect();
         let seen = Tensor::from_vec(seen, (motion.len(), self.channels.len()), &Device::Cpu)?;
         let mut no_past = self.transformer.start(Dtype::F32);
-        let latent = self.transformer.forward(&seen, &mut no_past)?;
-        Ok(self.codebook.quantise(&latent)?)
+        let mut left = self.transformer.forward(&seen, &mut no_past)?;
+        let mut levels = Vec::with_capacity(self.codebooks.len());
+        for codebook in &self.codebooks {
+            let (codes, rest) = codebook.quantise(&left)?;
+            left = rest;
+            levels.push(codes);
+        }
+        Ok(levels)
     }
 }

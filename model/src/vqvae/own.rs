@@ -19,6 +19,8 @@ pub(super) struct OwnDecoder {
     layers: Vec<(AttentionBlock, FeedForwardBlock)>,
     norm: LayerNorm,
     output: PackedLinear,
+    /// Adds a linear map of the codes' vectors.
+    skip: Option<PackedLinear>,
 }
 
 #[derive(Clone, Debug)]
@@ -28,6 +30,7 @@ pub(super) struct OwnDecoderState {
     codes: Input,
     work: BlockScratch,
     scratch: AttentionScratch,
+    motion: Vec<f32>,
 }
 
 impl OwnDecoder {
@@ -49,6 +52,8 @@ impl OwnDecoder {
         };
         let codebooks = Codebooks::load(w)?;
         let (wide, motion_dim) = (codebooks.width(), config.motion_dim);
+        let skip = || PackedLinear::load(w, "vq.decoder.skip", wide, motion_dim, dtype);
+        let skip = vq.skip.then(skip);
         let mut decoder = Self {
             dtype,
             dim: vq.dim,
@@ -58,6 +63,7 @@ impl OwnDecoder {
             layers: (0..vq.decoder_layers).map(layer).collect::<Result<_, ModelError>>()?,
             norm: LayerNorm::load(w, "vq.decoder.norm", vq.dim)?,
             output: PackedLinear::load(w, "vq.decoder.output", vq.dim, motion_dim, dtype)?,
+            skip: skip.transpose()?,
             shape,
         };
         decoder.gather();
@@ -69,7 +75,8 @@ impl OwnDecoder {
         let layers = self.layers.iter_mut();
         let layers = layers.flat_map(|(a, f)| a.matrices().into_iter().chain(f.matrices()));
         let (input, output) = (self.input.matrix(), self.output.matrix());
-        gather([input].into_iter().chain(layers).chain([output]));
+        let skip = self.skip.iter_mut().map(PackedLinear::matrix);
+        gather([input].into_iter().chain(layers).chain([output]).chain(skip));
     }
 
     pub fn start(&self) -> OwnDecoderState {
@@ -81,6 +88,7 @@ impl OwnDecoder {
             codes: Input::new(self.codebooks.width(), 1, dtype),
             work: BlockScratch::new(self.dim, widest, self.ff, 1, dtype),
             scratch: AttentionScratch::new(&self.shape, 1, dtype),
+            motion: vec![0.0; self.output.outputs()],
         }
     }
 
@@ -90,7 +98,7 @@ impl OwnDecoder {
         state: &'a mut OwnDecoderState,
         codes: &[usize],
     ) -> &'a [f32] {
-        let OwnDecoderState { position, caches, codes: input, work, scratch } = state;
+        let OwnDecoderState { position, caches, codes: input, work, scratch, motion } = state;
         self.codebooks.look_up(codes, input.lane_mut(0));
         input.ready(team.cpu());
         let nothing = After::Nothing;
@@ -103,7 +111,17 @@ impl OwnDecoder {
         }
         position.advance();
         self.norm.forward(team.cpu(), &work.x, &mut work.normed);
-        self.output.forward(team, &work.normed, &mut work.products, nothing)
+        motion.copy_from_slice(self.output.forward(
+            team,
+            &work.normed,
+            &mut work.products,
+            nothing,
+        ));
+        if let Some(skip) = &self.skip {
+            let skipped = skip.forward(team, input, &mut work.products, nothing);
+            motion.iter_mut().zip(skipped).for_each(|(m, s)| *m += *s);
+        }
+        motion
     }
 
     pub fn cache_bytes(&self) -> usize {
@@ -112,7 +130,8 @@ impl OwnDecoder {
 
     pub fn bytes(&self) -> usize {
         let layers = self.layers.iter().map(|(a, f)| a.bytes() + f.bytes());
-        self.input.bytes() + layers.sum::<usize>() + self.output.bytes()
+        let skip = self.skip.as_ref().map_or(0, PackedLinear::bytes);
+        self.input.bytes() + layers.sum::<usize>() + self.output.bytes() + skip
     }
 }
 

@@ -5,7 +5,7 @@ use super::options::{DatasetOptions, DatasetSummary};
 use super::sources::SOURCES;
 use super::styles::STYLES;
 use super::training_file::{self, TrainingClip};
-use super::{captured, figures, synthetic};
+use super::{captured, figures, synthetic, tilted};
 use servodance_model::conditioning::Encodec;
 
 /// Builds the training file. A motion file that cannot be read is left out and
@@ -23,6 +23,7 @@ pub fn build(
         captured::collect(folder, options, encodec, &mut clips, &mut summary, &first)?;
         let second = |share: f64| on_progress(0.4 + 0.4 * share);
         figures::collect(folder, options, encodec, &mut clips, &second)?;
+        tilted::collect(folder, options, &mut clips)?;
     }
     synthetic::collect(options, encodec, &mut clips, &|share| on_progress(0.8 + 0.2 * share))?;
     summary.clips = clips.len();
@@ -33,6 +34,7 @@ pub fn build(
         "seed": options.seed,
         "songs_per_clip": options.songs,
         "figure_minutes": options.figures,
+        "tilted_minutes": options.tilted,
         "choreography_minutes": options.choreography,
         "music": "all music is synthetic, rendered on the beats of the motion",
         "sources": SOURCES.map(|(source, terms)| serde_json::json!({ "source": source, "terms": terms })),
@@ -61,6 +63,7 @@ mod tests {
             out: folder.join(name),
             songs: 1,
             figures: 0.0,
+            tilted: 0.0,
             choreography: 2.0,
             features: FeatureArgs::default(),
             seed: 3,

@@ -22,6 +22,7 @@ mod sources;
 mod splits;
 pub(crate) mod styles;
 mod synthetic;
+mod tilted;
 pub mod training_file;
 
 pub use build::build;

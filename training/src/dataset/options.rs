@@ -20,6 +20,9 @@ pub struct DatasetOptions {
     /// Minutes of dances to songs with sections, made of figures of the captured dance.
     #[arg(long, default_value_t = 0.0, value_name = "MINUTES")]
     pub figures: f64,
+    /// Minutes of captured motion turned over, down to upside down: for stage 1.
+    #[arg(long, default_value_t = 0.0, value_name = "MINUTES")]
+    pub tilted: f64,
     /// Minutes of choreography by rules.
     #[arg(long, default_value_t = 90.0, value_name = "MINUTES")]
     pub choreography: f64,

@@ -15,7 +15,7 @@ pub(super) fn codes(
     generator: &Generator,
 ) -> anyhow::Result<CodeUsage> {
     let config = generator.config();
-    let mut seen = vec![vec![false; config.codes]; config.parts.len()];
+    let mut seen = vec![vec![false; config.codes]; config.codes_a_frame()];
     let mut mpjpe_mm = Vec::new();
     for poses in real {
         let original = Clip::of_frames(poses.clone());

@@ -77,6 +77,7 @@ fn choreography(
         out: file.path().to_owned(),
         songs: 1,
         figures: 0.0,
+        tilted: 0.0,
         choreography: request.clips as f64,
         features: dataset::FeatureArgs::default(),
         seed: FRESH_SEED,

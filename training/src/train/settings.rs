@@ -47,6 +47,10 @@ pub enum Preset {
 pub struct ModelChanges {
     pub parts: Option<Vec<String>>,
     pub codes: Option<usize>,
+    /// Codebooks a part.
+    pub levels: Option<usize>,
+    /// Whether encoders and decoder add a linear map of their input.
+    pub skip: Option<bool>,
     pub music: Option<MusicKind>,
     pub positions: Option<Positions>,
     pub eos: Option<bool>,
@@ -251,6 +255,8 @@ impl SettingsFile {
         let change = &self.model;
         set(&mut config.parts, &change.parts);
         set(&mut config.codes, &change.codes);
+        set(&mut config.levels, &change.levels);
+        set(&mut config.vq.skip, &change.skip);
         set(&mut config.music, &change.music);
         config.music_dim = config.music.dim();
         let seq = &mut config.seq;

@@ -21,14 +21,19 @@ use crate::train::motionseq::nll::IGNORED;
 use crate::train::motionseq::training::{MotionSeqTraining, SeqBatch};
 use crate::train::vqvae::codebook::LearnedCodebook;
 use crate::train::vqvae::loss::MotionLoss;
+use crate::train::vqvae::residual_codebooks::ResidualCodebooks;
 use crate::train::vqvae::training::{MotionBatch, VqVaeTraining};
 use crate::train::vqvae::vqvae_weights::VqVaeWeights;
-use servodance_model::config::{Positions, SeqConfig};
+use servodance_model::config::{ModelConfig, Positions, SeqConfig};
 use servodance_model::motion::representation::POSE_DIM;
 use servodance_model::weights::Weights;
 
 const TINY: &[u8] = include_bytes!("../../../model/src/tests/golden/tiny.safetensors");
 const TOLERANCE: f32 = 1e-4;
+/// Of the tiny model.
+const PARTS: [&str; 2] = ["lower", "upper"];
+const LEVELS: usize = 2;
+const CODES_A_FRAME: usize = PARTS.len() * LEVELS;
 
 fn rng() -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(2)
@@ -52,7 +57,7 @@ fn vqvae_training() -> VqVaeTraining {
     .unwrap();
     let tiny = read(TINY, &["vq.", "norm."]).unwrap();
     load(&mut stage.parameters, &tiny);
-    stage.books = ["lower", "upper"].map(|part| book(&tiny, part)).to_vec();
+    stage.books = PARTS.map(|part| codebooks(&tiny, part)).to_vec();
     stage.ready = true;
     let norm = |name: &str| floats(&tiny, &format!("norm.motion_{name}"));
     let weights = LossWeights { position: 0.5, ..Default::default() };
@@ -60,8 +65,12 @@ fn vqvae_training() -> VqVaeTraining {
     stage
 }
 
-fn book(tensors: &Tensors, part: &str) -> LearnedCodebook {
-    LearnedCodebook::new(floats(tensors, &format!("vq.codebook.{part}")), 8)
+fn codebooks(tensors: &Tensors, part: &str) -> ResidualCodebooks {
+    let book = |level| {
+        let name = ModelConfig::code_name(part, level);
+        LearnedCodebook::new(floats(tensors, &format!("vq.codebook.{name}")), 8)
+    };
+    ResidualCodebooks((1..=LEVELS).map(book).collect())
 }
 
 /// MotionSeq with the tiny weights, whose styles are two.
@@ -130,7 +139,8 @@ fn seq_batch(lengths: &[usize], length: usize) -> SeqBatch {
     let batch = Batch { length, lengths: lengths.to_vec() };
     let rows = batch.rows();
     let mut some = || (0..rows).map(|_| rng.random_range(0..16)).collect::<Vec<u32>>();
-    let chosen = vec![some(), some()];
+    let mut of_frame = || (0..CODES_A_FRAME).map(|_| some()).collect::<Vec<_>>();
+    let (chosen, previous) = (of_frame(), of_frame());
     let counted = |codes: &Vec<u32>| {
         let real = |r: usize| r % length < lengths[r / length];
         (0..rows).map(|r| if real(r) { codes[r] } else { IGNORED }).collect()
@@ -138,7 +148,7 @@ fn seq_batch(lengths: &[usize], length: usize) -> SeqBatch {
     SeqBatch {
         targets: chosen.iter().map(counted).collect(),
         inputs: MotionSeqInputs {
-            previous: vec![some(), some()],
+            previous,
             chosen,
             music: noise(rows * 39),
             has_music: (0..lengths.len()).map(|s| s != 1).collect(),

@@ -158,6 +158,8 @@ pub(crate) struct TensorTransformer {
     layers: Vec<(TensorAttention, TensorFeedForward)>,
     norm: TensorNorm,
     output: TensorLinear,
+    /// Adds a linear map of the input.
+    skip: Option<TensorLinear>,
     slopes: Vec<f32>,
     window: AttentionWindow,
 }
@@ -174,6 +176,7 @@ pub(crate) struct TransformerSizes {
     pub slopes: Vec<f32>,
     pub window: AttentionWindow,
     pub activation: Activation,
+    pub skip: bool,
 }
 
 impl TensorTransformer {
@@ -192,11 +195,14 @@ impl TensorTransformer {
             let ff = TensorFeedForward::load(w, names, (dim, sizes.ff), sizes.activation)?;
             Ok((attention, ff))
         };
+        let skip = || TensorLinear::load(w, &format!("{name}.skip"), sizes.input, sizes.output);
+        let skip = sizes.skip.then(skip);
         Ok(Self {
             input: TensorLinear::load(w, &format!("{name}.input"), sizes.input, dim)?,
             layers: (0..sizes.layers).map(layer).collect::<Result<_, ModelError>>()?,
             norm: TensorNorm::load(w, &format!("{name}.norm"), dim)?,
             output: TensorLinear::load(w, &format!("{name}.output"), dim, sizes.output)?,
+            skip: skip.transpose()?,
             slopes: sizes.slopes,
             window: sizes.window,
         })
@@ -212,7 +218,8 @@ impl TensorTransformer {
 
     pub fn bytes(&self) -> usize {
         let layers = self.layers.iter().map(|(a, f)| a.bytes() + f.bytes());
-        self.input.bytes() + layers.sum::<usize>() + self.output.bytes()
+        let skip = self.skip.as_ref().map_or(0, TensorLinear::bytes);
+        self.input.bytes() + layers.sum::<usize>() + self.output.bytes() + skip
     }
 
     /// The next frames of a stream, [frames, input] to [frames, output].
@@ -220,10 +227,15 @@ impl TensorTransformer {
         let frames = x.dim(0)?;
         let keys = frames + caches.first().map_or(0, TensorCache::frames);
         let bias = attention_bias(&self.slopes, frames, keys, self.window)?;
+        let skipped = self.skip.as_ref().map(|skip| skip.forward(x)).transpose()?;
         let mut x = self.input.forward(x)?;
         for ((attention, feed_forward), cache) in self.layers.iter().zip(caches) {
             x = feed_forward.forward(&attention.forward(&x, None, &bias, cache)?)?;
         }
-        self.output.forward(&self.norm.forward(&x)?)
+        let out = self.output.forward(&self.norm.forward(&x)?)?;
+        match skipped {
+            Some(skipped) => out + skipped,
+            None => Ok(out),
+        }
     }
 }

@@ -28,7 +28,7 @@ struct MotionSeqLayer {
 #[derive(Clone, Debug)]
 struct CodeHead {
     embed: ParamId,
-    /// Tells later parts this part's code; none for the last.
+    /// Tells later heads this code; none for the last.
     given: Option<ParamId>,
     refine: Option<(LayerNorm, FeedForwardLayer)>,
     head: LinearLayer,
@@ -37,9 +37,9 @@ struct CodeHead {
 #[derive(Clone, Debug)]
 pub(crate) struct MotionSeqInputs {
     pub batch: Batch,
-    /// Per part the code of the frame before, [rows].
+    /// Per code of a frame that of the frame before, [rows].
     pub previous: Vec<Vec<u32>>,
-    /// Per part the code of the frame, for the parts after it, [rows].
+    /// Per code of a frame itself, for those after it, [rows].
     pub chosen: Vec<Vec<u32>>,
     /// Normalised music, [rows, music_dim].
     pub music: Vec<f32>,
@@ -57,7 +57,7 @@ pub(crate) struct MotionSeqNetwork {
     style: ParamId,
     layers: Vec<MotionSeqLayer>,
     norm: LayerNorm,
-    parts: Vec<CodeHead>,
+    heads: Vec<CodeHead>,
     mask: AttentionMask,
     cross_mask: AttentionMask,
 }
@@ -89,7 +89,7 @@ impl MotionSeqNetwork {
                 .map(|i| MotionSeqLayer::new(make, &format!("seq.layers.{i}"), widths, config))
                 .collect(),
             norm: LayerNorm::new(make, "seq.norm", dim),
-            parts: (0..config.parts.len()).map(|i| CodeHead::new(make, i, config)).collect(),
+            heads: (0..config.codes_a_frame()).map(|i| CodeHead::new(make, i, config)).collect(),
             mask,
             cross_mask,
             config: config.clone(),
@@ -103,7 +103,7 @@ impl MotionSeqNetwork {
         let stream = self.music_in.forward(t, music);
         let mut stream = t.or_else(stream, self.music_null, batch.length, inputs.has_music.clone());
         let mut sum = seq.music_at_input.then_some(stream);
-        for (part, codes) in self.parts.iter().zip(&inputs.previous) {
+        for (part, codes) in self.heads.iter().zip(&inputs.previous) {
             sum = Some(t.lookup(sum, part.embed, seq.dim, codes.clone()));
         }
         let mut x = sum.unwrap_or(stream);
@@ -126,13 +126,13 @@ impl MotionSeqNetwork {
         self.norm.forward(t, x)
     }
 
-    /// Logits of every part, [rows, classes].
+    /// Logits of every code of a frame, [rows, classes].
     pub fn logits(&self, t: &mut Tape, inputs: &MotionSeqInputs, drop: &mut Dropout) -> Vec<Var> {
         let mut hidden = self.hidden(t, inputs, drop);
-        let mut logits = Vec::with_capacity(self.parts.len());
+        let mut logits = Vec::with_capacity(self.heads.len());
         // Heads are not dropped: they are no residual branches of the body.
         let mut never = Dropout { rate: 0.0, rng: drop.rng };
-        for (part, chosen) in self.parts.iter().zip(&inputs.chosen) {
+        for (part, chosen) in self.heads.iter().zip(&inputs.chosen) {
             let seen = match &part.refine {
                 Some((norm, refine)) => {
                     let normal = norm.forward(t, hidden);
@@ -179,12 +179,13 @@ impl MotionSeqLayer {
 
 impl CodeHead {
     fn new(make: &mut ParamBuilder, index: usize, config: &ModelConfig) -> Self {
-        let (dim, codes, part) = (config.seq.dim, config.codes, &config.parts[index]);
+        let names = config.code_names();
+        let (dim, codes, part) = (config.seq.dim, config.codes, &names[index]);
         let table = |kind: &str| format!("seq.{kind}.{part}.weight");
         let refine = format!("seq.refine.{part}");
         Self {
             embed: make.tensor(table("embed"), &[codes, dim], EMBEDDING),
-            given: (index + 1 < config.parts.len())
+            given: (index + 1 < names.len())
                 .then(|| make.tensor(table("given"), &[codes, dim], EMBEDDING)),
             refine: (index > 0).then(|| {
                 let norm = LayerNorm::new(make, &format!("seq.refine_norm.{part}"), dim);

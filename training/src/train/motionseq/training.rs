@@ -41,7 +41,7 @@ pub(crate) struct MotionSeqTraining {
     buffers: BufferPool,
 }
 
-/// What is shown, and the codes to be found: per part [rows].
+/// What is shown, and the codes to be found: per code of a frame [rows].
 pub(crate) struct SeqBatch {
     pub inputs: MotionSeqInputs,
     pub targets: Vec<Vec<u32>>,
@@ -59,9 +59,9 @@ impl MotionSeqTraining {
             ["mean", "std"].map(|it| vqvae_weights.floats(&format!("norm.motion_{it}"), POSE_DIM));
         let codes = tokenise(&vqvae_weights.encoder, &data, &mean?, &std?)?;
         let mut near = Vec::new();
-        for part in &settings.model.parts {
+        for name in settings.model.code_names() {
             let count = settings.model.codes * settings.model.code_dim;
-            let embed = vqvae_weights.floats(&format!("vq.codebook.{part}"), count)?;
+            let embed = vqvae_weights.floats(&format!("vq.codebook.{name}"), count)?;
             near.push(neighbours(&LearnedCodebook::new(embed, settings.model.code_dim)));
         }
         let clips: Vec<usize> = data.of_split(Split::Train).collect();
@@ -183,11 +183,11 @@ impl MotionSeqTraining {
         let rate = self.settings.run.dropout;
         let logits = self.net.logits(&mut t, &batch.inputs, &mut Dropout { rate, rng });
         let (mut terms, mut seeds) = (vec![("loss".to_owned(), 0.0)], Vec::new());
-        let parts = self.settings.model.parts.iter().zip(logits.iter().zip(&batch.targets));
-        for (part, (value, targets)) in parts {
+        let names = self.settings.model.code_names();
+        for (name, (value, targets)) in names.iter().zip(logits.iter().zip(&batch.targets)) {
             let (loss, gradient) = nll(t.data(*value), targets, self.settings.tokens.smoothing);
             terms[0].1 += loss;
-            terms.push((format!("nll_{part}"), loss));
+            terms.push((format!("nll_{name}"), loss));
             seeds.push((*value, gradient));
         }
         let (gradients, buffers) = t.backward(seeds);
@@ -195,7 +195,7 @@ impl MotionSeqTraining {
         BatchOutcome { terms, gradients }
     }
 
-    /// Likelihood and share of codes guessed right, per part.
+    /// Likelihood and share of codes guessed right, per code of a frame.
     fn score(&mut self, batch: &SeqBatch, rng: &mut ChaCha8Rng) -> Vec<(f64, f64)> {
         let mut t = Tape::new(&self.parameters, std::mem::take(&mut self.buffers));
         let logits = self.net.logits(&mut t, &batch.inputs, &mut Dropout { rate: 0.0, rng });
@@ -251,8 +251,8 @@ impl NetworkTraining for MotionSeqTraining {
         let scores = self.score(&batch, rng);
         let sum = |scores: &[(f64, f64)]| scores.iter().map(|s| s.0).sum::<f64>();
         let mut row = vec![("val_nll".to_owned(), sum(&scores))];
-        for (part, score) in self.settings.model.parts.iter().zip(&scores) {
-            row.push((format!("acc_{part}"), score.1));
+        for (name, score) in self.settings.model.code_names().iter().zip(&scores) {
+            row.push((format!("acc_{name}"), score.1));
         }
         let of_sequence = self.settings.run.length * self.settings.model.music_dim;
         batch.inputs.music.rotate_right(of_sequence);
@@ -278,8 +278,8 @@ impl NetworkTraining for MotionSeqTraining {
         }
         let (codes, styles) = &self.starts;
         let rows = styles.len();
-        let parts = self.settings.model.parts.len();
-        tensors.insert("start.codes".into(), (vec![rows, parts], Numbers::I32(codes.clone())));
+        let wide = self.settings.model.codes_a_frame();
+        tensors.insert("start.codes".into(), (vec![rows, wide], Numbers::I32(codes.clone())));
         tensors.insert("start.styles".into(), (vec![rows, 1], Numbers::I32(styles.clone())));
         tensors
     }

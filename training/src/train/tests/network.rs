@@ -1,9 +1,9 @@
 //! Both stages against the networks that run.
 
 use super::super::layers::Dropout;
-use super::{TINY, check_same, motionseq_training, noise, rng, seq_batch, vqvae_training};
+use super::{LEVELS, TINY, check_same, motionseq_training, noise, rng, seq_batch, vqvae_training};
 use crate::train::autodiff::tape::{Batch, BufferPool, Tape};
-use crate::train::vqvae::network::embed;
+use crate::train::vqvae::training::side_by_side;
 use servodance_model::config::Positions;
 use servodance_model::engine::{Engine, EngineOptions};
 use servodance_model::motion::representation::POSE_DIM;
@@ -32,13 +32,16 @@ fn stage_one_computes_what_the_networks_that_run_compute() {
     let mut drop = Dropout { rate: 0.0, rng: &mut drop_rng };
     let latents = stage.net.latents(&mut t, &normal, &batch, &mut drop);
     let books = stage.books.iter().zip(latents);
-    let found: Vec<Vec<u32>> = books.map(|(book, z)| book.nearest(t.data(z))).collect();
+    let found: Vec<Vec<Vec<u32>>> = books.map(|(book, z)| book.nearest(t.data(z))).collect();
     let expected = encoder.encode(normal.as_chunks().0).unwrap();
     for (frame, row) in expected.iter().enumerate() {
-        let found: Vec<usize> = found.iter().map(|part| part[frame] as usize).collect();
+        let of_level = |level: usize| found.iter().map(move |part| part[level][frame] as usize);
+        let found: Vec<usize> = (0..LEVELS).flat_map(of_level).collect();
         assert_eq!(&found, row, "frame {frame}");
     }
-    let vectors = t.constant(embed(&stage.books, &found), 16);
+    let parts: Vec<Vec<f32>> =
+        stage.books.iter().zip(&found).map(|(books, codes)| books.vectors(codes)).collect();
+    let vectors = t.constant(side_by_side(&parts, &[8, 8]), 16);
     let out = stage.net.decode(&mut t, vectors, &batch, &mut drop);
     let (team, mut state) = (engine.pool().team(), decoder.start());
     let mut step = |codes: &Vec<usize>| decoder.step(&team, &mut state, codes).unwrap().to_vec();

@@ -1,6 +1,5 @@
 //! The VQ-VAE on the tape: an encoder a body part, and the causal decoder.
 
-use super::codebook::LearnedCodebook;
 use crate::train::autodiff::ops::AttentionMask;
 use crate::train::autodiff::tape::{Batch, Tape, Var};
 use crate::train::layers::{
@@ -17,6 +16,7 @@ struct PartEncoder {
     layers: Vec<TransformerLayer>,
     norm: LayerNorm,
     output: LinearLayer,
+    skip: Option<LinearLayer>,
 }
 
 /// The networks of the VQ-VAE; their numbers are in the parameters.
@@ -28,6 +28,7 @@ pub(crate) struct VqVaeNetwork {
     layers: Vec<TransformerLayer>,
     norm: LayerNorm,
     output: LinearLayer,
+    skip: Option<LinearLayer>,
     decoder_mask: AttentionMask,
     motion_dim: usize,
 }
@@ -59,6 +60,9 @@ impl VqVaeNetwork {
                     .collect(),
                 norm: LayerNorm::new(make, &name("norm"), widths.dim),
                 output: LinearLayer::new(make, &name("output"), widths.dim, config.code_dim),
+                skip: vq.skip.then(|| {
+                    LinearLayer::new(make, &name("skip"), channels.len(), config.code_dim)
+                }),
                 channels,
             });
         }
@@ -81,6 +85,9 @@ impl VqVaeNetwork {
                 .collect(),
             norm: LayerNorm::new(make, "vq.decoder.norm", vq.dim),
             output: LinearLayer::new(make, "vq.decoder.output", vq.dim, config.motion_dim),
+            skip: vq
+                .skip
+                .then(|| LinearLayer::new(make, "vq.decoder.skip", wide, config.motion_dim)),
             decoder_mask: AttentionMask {
                 slopes: vq.decoder_slopes.clone(),
                 window: vq.decoder_window,
@@ -107,7 +114,7 @@ impl VqVaeNetwork {
                 x = layer.forward(t, x, &self.encoder_mask, batch, drop);
             }
             let x = encoder.norm.forward(t, x);
-            encoder.output.forward(t, x)
+            with_skip(t, (encoder.output, encoder.skip), x, seen)
         };
         self.encoders.iter().map(of_part).collect()
     }
@@ -119,17 +126,22 @@ impl VqVaeNetwork {
             x = layer.forward(t, x, &self.decoder_mask, batch, drop);
         }
         let x = self.norm.forward(t, x);
-        self.output.forward(t, x)
+        with_skip(t, (self.output, self.skip), x, codes)
     }
 }
 
-pub(crate) fn embed(books: &[LearnedCodebook], codes: &[Vec<u32>]) -> Vec<f32> {
-    let rows = codes.first().map_or(0, Vec::len);
-    let mut out = Vec::with_capacity(rows * books.iter().map(LearnedCodebook::dim).sum::<usize>());
-    for row in 0..rows {
-        for (book, codes) in books.iter().zip(codes) {
-            out.extend_from_slice(book.code(codes[row]));
+/// The last layer, onto a linear map of the input where there is one.
+fn with_skip(
+    t: &mut Tape,
+    (output, skip): (LinearLayer, Option<LinearLayer>),
+    x: Var,
+    input: Var,
+) -> Var {
+    match skip {
+        Some(skip) => {
+            let skipped = skip.forward(t, input);
+            output.onto(t, x, skipped)
         }
+        None => output.forward(t, x),
     }
-    out
 }

@@ -1,14 +1,14 @@
 //! Training of the VQ-VAE: batches, the step, validation, its part of files.
 
-use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
 use super::codebook::{LearnedCodebook, usage};
 use super::loss::{MotionLoss, MotionLossTerms, displacements, joints};
-use super::network::{VqVaeNetwork, embed};
+use super::network::VqVaeNetwork;
+use super::residual_codebooks::ResidualCodebooks;
 use super::vqvae_weights::VqVaeWeights;
 use crate::dataset::clip_entry::Split;
-use crate::train::autodiff::parameters::{Parameters, normal};
+use crate::train::autodiff::parameters::Parameters;
 use crate::train::autodiff::tape::{Batch, BufferPool, Tape, Var};
 use crate::train::crops::Crops;
 use crate::train::data::{Normalisation, TrainingData};
@@ -17,12 +17,11 @@ use crate::train::layers::{Dropout, ParamBuilder};
 use crate::train::network_training::{BatchOutcome, NamedValues, NetworkTraining};
 use crate::train::settings::TrainingSettings;
 use crate::train::tensors::{Numbers, Tensors, floats};
+use servodance_model::config::ModelConfig;
 use servodance_model::motion::representation::POSE_DIM;
 use servodance_model::weights::ENCODERS;
 
 const K_MEANS_BATCHES: usize = 12;
-/// A noisy code is one of so many nearest.
-const NEAR: usize = 8;
 /// Clips that are validated on, and frames of each.
 const HELD_CLIPS: usize = 24;
 const HELD_FRAMES: usize = 800;
@@ -36,7 +35,8 @@ pub(crate) struct VqVaeTraining {
     held: Vec<usize>,
     pub(crate) parameters: Parameters,
     pub(crate) net: VqVaeNetwork,
-    pub(crate) books: Vec<LearnedCodebook>,
+    /// Of each part.
+    pub(crate) books: Vec<ResidualCodebooks>,
     pub(crate) ready: bool,
     pub(crate) loss: MotionLoss,
     buffers: BufferPool,
@@ -65,12 +65,8 @@ impl VqVaeTraining {
         let mut make = ParamBuilder { parameters: &mut parameters, rng };
         let net = VqVaeNetwork::new(&mut make, &settings.model).map_err(TrainError::Settings)?;
         let config = &settings.model;
-        let mut book = || {
-            let count = config.codes * config.code_dim;
-            LearnedCodebook::new((0..count).map(|_| normal(rng)).collect(), config.code_dim)
-        };
         let mut training = Self {
-            books: config.parts.iter().map(|_| book()).collect(),
+            books: config.parts.iter().map(|_| ResidualCodebooks::random(config, rng)).collect(),
             held: held(&data),
             loss: MotionLoss::new(mean, std, settings.loss),
             parameters,
@@ -103,8 +99,8 @@ impl VqVaeTraining {
         }
         let run = &self.settings.run;
         let rows_of_a_code = (run.batch * run.length) as f32 / self.settings.model.codes as f32;
-        for (part, book) in self.settings.model.parts.iter().zip(&mut self.books) {
-            let embed = weights.floats(&format!("vq.codebook.{part}"), book.embed.len())?;
+        for (name, book) in named_books(&self.settings.model, &mut self.books) {
+            let embed = weights.floats(&format!("vq.codebook.{name}"), book.embed.len())?;
             *book = LearnedCodebook::with_counts(embed, book.dim(), rows_of_a_code);
         }
         let norm = |name| weights.floats(name, POSE_DIM);
@@ -140,8 +136,8 @@ impl VqVaeTraining {
             }
             self.buffers = t.end();
         }
-        for (book, rows) in self.books.iter_mut().zip(&rows) {
-            book.k_means(rows, self.settings.codebook.k_means_rounds, rng);
+        for (books, rows) in self.books.iter_mut().zip(rows) {
+            books.k_means(rows, self.settings.codebook.k_means_rounds, rng);
         }
         self.ready = true;
     }
@@ -166,16 +162,19 @@ impl VqVaeTraining {
             false => t.beside(&latents),
             true => {
                 let mut chosen = Vec::new();
-                for (book, latent) in self.books.iter_mut().zip(&latents) {
-                    let quantised = quantise(&t, *latent, book, &self.settings, batch, drop.rng);
-                    commit += quantised.commit;
-                    used.push(quantised.used);
+                for (books, latent) in self.books.iter_mut().zip(&latents) {
+                    let rows: Vec<f32> = real_rows(&t, *latent, batch).collect();
+                    let found = books.quantise(&rows, &self.settings, drop.rng);
+                    commit += found.commit;
+                    used.extend(found.used);
                     if !fixed {
-                        seeds.push((*latent, quantised.gradient));
+                        let nothing = vec![0.0; t.data(*latent).len()];
+                        seeds.push((*latent, placed(&found.gradient, nothing, batch)));
                     }
-                    chosen.push(quantised.replacement);
+                    // Padding keeps its latents.
+                    chosen.push(placed(&found.vectors, t.data(*latent).to_vec(), batch));
                 }
-                let wide = self.books.iter().map(LearnedCodebook::dim).collect::<Vec<_>>();
+                let wide = self.books.iter().map(ResidualCodebooks::dim).collect::<Vec<_>>();
                 let codes = side_by_side(&chosen, &wide);
                 match fixed {
                     true => t.constant(codes, wide.iter().sum()),
@@ -204,18 +203,18 @@ impl VqVaeTraining {
     }
 
     fn usage_names(&self) -> impl Iterator<Item = String> + use<> {
-        let parts = self.settings.model.parts.clone();
-        let names = |part: String| [format!("{part}_used"), format!("{part}_perplexity")];
-        parts.into_iter().flat_map(names)
+        let names = |code: String| [format!("{code}_used"), format!("{code}_perplexity")];
+        self.settings.model.code_names().into_iter().flat_map(names)
     }
 
+    /// Codes of every part, [part][level][row].
     fn encode(
         &self,
         t: &mut Tape,
         real: &[f32],
         batch: &Batch,
         rng: &mut ChaCha8Rng,
-    ) -> Vec<Vec<u32>> {
+    ) -> Vec<Vec<Vec<u32>>> {
         let mut drop = Dropout { rate: 0.0, rng };
         let latents = self.net.latents(t, &self.loss.normalised(real), batch, &mut drop);
         let books = self.books.iter().zip(latents);
@@ -223,47 +222,29 @@ impl VqVaeTraining {
     }
 }
 
-struct QuantisedPart {
-    /// Codes in place of latents; padding keeps its latents.
-    replacement: Vec<f32>,
-    gradient: Vec<f32>,
-    commit: f64,
-    used: f64,
+/// Names of all codebooks: part by part, of each all levels.
+fn names_of_books(config: &ModelConfig) -> impl Iterator<Item = String> {
+    let of_part = |part: &String| {
+        let part = part.clone();
+        (1..=config.levels).map(move |level| ModelConfig::code_name(&part, level))
+    };
+    config.parts.iter().flat_map(of_part)
 }
 
-/// Codes of one part: moves the codebook, then what goes on to the decoder.
-fn quantise(
-    t: &Tape,
-    latent: Var,
-    book: &mut LearnedCodebook,
-    settings: &TrainingSettings,
-    batch: &Batch,
-    rng: &mut ChaCha8Rng,
-) -> QuantisedPart {
-    let rows: Vec<f32> = real_rows(t, latent, batch).collect();
-    let nearest = book.nearest(&rows);
-    if !settings.codebook.fixed {
-        book.update(&rows, &nearest, &settings.codebook, rng);
+fn named_books<'a>(
+    config: &ModelConfig,
+    books: &'a mut [ResidualCodebooks],
+) -> impl Iterator<Item = (String, &'a mut LearnedCodebook)> {
+    names_of_books(config).zip(books.iter_mut().flat_map(|books| &mut books.0))
+}
+
+/// Real rows in their places among the padding.
+fn placed(rows: &[f32], mut among: Vec<f32>, batch: &Batch) -> Vec<f32> {
+    let wide = among.len() / batch.rows();
+    for (row, values) in batch.real_rows().zip(rows.chunks(wide)) {
+        among[row * wide..(row + 1) * wide].copy_from_slice(values);
     }
-    let dim = book.dim();
-    let mut replacement = t.data(latent).to_vec();
-    let mut gradient = vec![0.0; replacement.len()];
-    let mut commit = 0.0;
-    let share = 1.0 / rows.len() as f32;
-    for (row, (code, z)) in batch.real_rows().zip(nearest.iter().zip(rows.chunks(dim))) {
-        let at = row * dim..(row + 1) * dim;
-        for ((g, z), c) in gradient[at.clone()].iter_mut().zip(z).zip(book.code(*code)) {
-            commit += f64::from((z - c) * (z - c) * share);
-            *g = 2.0 * settings.loss.commit * (z - c) * share;
-        }
-        let noisy = rng.random::<f32>() < settings.quantise.noise;
-        let code = match noisy {
-            true => book.neighbours(z, NEAR)[rng.random_range(0..NEAR.min(book.len()))],
-            false => *code,
-        };
-        replacement[at].copy_from_slice(book.code(code));
-    }
-    QuantisedPart { replacement, gradient, commit, used: usage(&nearest, book.len()).0 }
+    among
 }
 
 /// The rows of a value that are no padding.
@@ -273,7 +254,7 @@ fn real_rows<'a>(t: &'a Tape, value: Var, batch: &'a Batch) -> impl Iterator<Ite
     batch.real_rows().flat_map(row)
 }
 
-fn side_by_side(parts: &[Vec<f32>], wide: &[usize]) -> Vec<f32> {
+pub(crate) fn side_by_side(parts: &[Vec<f32>], wide: &[usize]) -> Vec<f32> {
     let rows = parts[0].len() / wide[0];
     let mut out = Vec::with_capacity(parts.iter().map(Vec::len).sum());
     for row in 0..rows {
@@ -324,16 +305,17 @@ impl NetworkTraining for VqVaeTraining {
         let mut sum = MotionLossTerms::default();
         let (mut frames, mut pairs) = (0.0, 0.0);
         let (mut apart_mm, mut moved_mm) = (0.0, 0.0);
-        let mut codes = vec![Vec::new(); self.books.len()];
+        let mut codes = vec![Vec::new(); self.settings.model.codes_a_frame()];
         for clip in &self.held {
             let motion = &self.data.clips[*clip].motion;
             let real = motion[..motion.len().min(HELD_FRAMES)].as_flattened();
             let batch = Batch::full(1, real.len() / POSE_DIM);
             let mut t = Tape::new(&self.parameters, std::mem::take(&mut self.buffers));
             let found = self.encode(&mut t, real, &batch, rng);
-            let vectors = embed(&self.books, &found);
-            let wide = vectors.len() / batch.length;
-            let vectors = t.constant(vectors, wide);
+            let of_part = self.books.iter().zip(&found).map(|(books, codes)| books.vectors(codes));
+            let wide: Vec<usize> = self.books.iter().map(ResidualCodebooks::dim).collect();
+            let vectors = side_by_side(&of_part.collect::<Vec<_>>(), &wide);
+            let vectors = t.constant(vectors, wide.iter().sum());
             let mut drop = Dropout { rate: 0.0, rng };
             let out = self.net.decode(&mut t, vectors, &batch, &mut drop);
             let (terms, _) = self.loss.evaluate(t.data(out), real, &batch);
@@ -349,7 +331,9 @@ impl NetworkTraining for VqVaeTraining {
                 moved_mm += 1e3 * mean_apart(a, b);
                 pairs += 1.0;
             }
-            codes.iter_mut().zip(found).for_each(|(all, more)| all.extend(more));
+            let of_level = |level: usize| found.iter().map(move |codes| &codes[level]);
+            let more = (0..self.settings.model.levels).flat_map(of_level);
+            codes.iter_mut().zip(more).for_each(|(all, more)| all.extend(more));
         }
         let mean = MotionLossTerms {
             huber: sum.huber / frames,
@@ -368,9 +352,9 @@ impl NetworkTraining for VqVaeTraining {
     fn state(&self) -> Tensors {
         let mut tensors = self.weights();
         let config = &self.settings.model;
-        for (part, book) in config.parts.iter().zip(&self.books) {
+        for (code, book) in names_of_books(config).zip(self.books.iter().flat_map(|b| &b.0)) {
             let shape = vec![config.codes, config.code_dim];
-            let name = |what: &str| format!("state.{what}.{part}");
+            let name = |what: &str| format!("state.{what}.{code}");
             tensors.insert(name("embed_avg"), (shape, Numbers::F32(book.embed_avg.clone())));
             let sizes = Numbers::F32(book.cluster_size.clone());
             tensors.insert(name("cluster_size"), (vec![config.codes], sizes));
@@ -381,9 +365,9 @@ impl NetworkTraining for VqVaeTraining {
     }
 
     fn restore(&mut self, tensors: &Tensors) -> Result<(), String> {
-        for (part, book) in self.settings.model.parts.iter().zip(&mut self.books) {
-            book.embed = floats(tensors, &format!("vq.codebook.{part}"), book.embed.len())?;
-            let name = |what: &str| format!("state.{what}.{part}");
+        for (code, book) in named_books(&self.settings.model, &mut self.books) {
+            book.embed = floats(tensors, &format!("vq.codebook.{code}"), book.embed.len())?;
+            let name = |what: &str| format!("state.{what}.{code}");
             book.embed_avg = floats(tensors, &name("embed_avg"), book.embed_avg.len())?;
             book.cluster_size = floats(tensors, &name("cluster_size"), book.cluster_size.len())?;
         }
@@ -397,10 +381,10 @@ impl NetworkTraining for VqVaeTraining {
     fn weights(&self) -> Tensors {
         let config = &self.settings.model;
         let mut tensors = Tensors::new();
-        for (part, book) in config.parts.iter().zip(&self.books) {
+        for (code, book) in names_of_books(config).zip(self.books.iter().flat_map(|b| &b.0)) {
             let shape = vec![config.codes, config.code_dim];
             let embed = Numbers::F32(book.embed.clone());
-            tensors.insert(format!("vq.codebook.{part}"), (shape, embed));
+            tensors.insert(format!("vq.codebook.{code}"), (shape, embed));
         }
         for (name, values) in [("mean", &self.loss.mean), ("std", &self.loss.std)] {
             let numbers = Numbers::F32(values.clone());
