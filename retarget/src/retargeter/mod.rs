@@ -37,6 +37,28 @@ pub(crate) struct LegJoint {
     pub axis: Vector3<f64>,
 }
 
+/// Seconds of a control cycle.
+fn period_s(control_hz: f64) -> Result<f64, RetargetError> {
+    match (1.0..=10_000.0).contains(&control_hz) {
+        true => Ok(1.0 / control_hz),
+        false => Err(RetargetError::Config {
+            key: "control_hz".into(),
+            value: control_hz.to_string(),
+            expected: "expected 1 to 10000".into(),
+        }),
+    }
+}
+
+/// What a robot with or without a waist takes for the dancer's heading.
+fn heading_reference(config: &RetargetConfig, waist: bool) -> HeadingReference {
+    match (config.stance, waist) {
+        _ if !config.kind.is_human_like() || !config.wheel.is_empty() => HeadingReference::Slow,
+        (Stance::Planted | Stance::Stepping, _) => HeadingReference::Slow,
+        (Stance::Hung, true) => HeadingReference::Pelvis,
+        (Stance::Hung, false) => HeadingReference::Chest,
+    }
+}
+
 /// Turns human motion into joint targets for one robot.
 pub struct Retargeter {
     model: RobotModel,
@@ -98,20 +120,13 @@ impl Retargeter {
         control_hz: f64,
     ) -> Result<Self, RetargetError> {
         config.check()?;
-        if !(1.0..=10_000.0).contains(&control_hz) {
-            return Err(RetargetError::Config {
-                key: "control_hz".into(),
-                value: control_hz.to_string(),
-                expected: "expected 1 to 10000".into(),
-            });
-        }
+        let dt_s = period_s(control_hz)?;
         let names: Vec<&str> = joints.iter().map(|(name, _)| name.as_str()).collect();
         let model = RobotModel::configured(urdf_xml, &names, config)?;
         let mut limits = joint_setup::usable_limits(joints, config.margin)?;
         let jerk_rad_s3 = joint_setup::jerk_limits(&model, &limits, config)?;
         let map = BodyMap::new(&model, config)?;
         let upright = joint_setup::upright_rotation(config)?;
-        let dt_s = 1.0 / control_hz;
 
         let stands = config.stance.stands() && config.kind != BodyKind::Quadruped;
         let scope = match stands {
@@ -120,12 +135,6 @@ impl Retargeter {
         };
         let mut solver = BodySolver::new(&model, map, config.weights, &limits, upright, scope);
         let waist = model.drives_above(map.chest) > 0;
-        let heading = match (config.stance, waist) {
-            _ if !config.kind.is_human_like() || !config.wheel.is_empty() => HeadingReference::Slow,
-            (Stance::Planted | Stance::Stepping, _) => HeadingReference::Slow,
-            (Stance::Hung, true) => HeadingReference::Pelvis,
-            (Stance::Hung, false) => HeadingReference::Chest,
-        };
         // The front legs of a quadruped are no arms to search better answers for.
         let searched = match config.kind {
             BodyKind::Quadruped => BodyMap { arms: Default::default(), ..map },
@@ -174,7 +183,7 @@ impl Retargeter {
             preview_s: config.preview_s,
             motion: MotionBuffer::new(),
             postures: PostureTrack::new(),
-            reader: PoseReader::new(heading, dt_s),
+            reader: PoseReader::new(heading_reference(config, waist), dt_s),
             kind: config.kind,
             arm_mount,
             stance,

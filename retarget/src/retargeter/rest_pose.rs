@@ -28,6 +28,9 @@ const STARTING_KNEE_RAD: f64 = 0.35;
 /// A knee that has this much room both ways bends forward.
 const KNEE_ROOM_RAD: f64 = 0.4;
 
+/// Places of a knee that are tried for the straightest leg.
+const KNEE_PLACES: i32 = 200;
+
 /// What a robot stands on.
 pub(super) enum Footing {
     None,
@@ -157,26 +160,19 @@ impl RestSearch<'_> {
                 let ankle = self.model.link_pose(ankle, &positions);
                 (hip.translation.vector - ankle.translation.vector).norm()
             };
-            let steps = 200;
-            let place = |k: i32| lower + (upper - lower) * f64::from(k) / f64::from(steps);
-            let straight = (0..=steps)
+            let place = |k: i32| lower + (upper - lower) * f64::from(k) / f64::from(KNEE_PLACES);
+            let straight = (0..=KNEE_PLACES)
                 .map(place)
                 .max_by(|a, b| length_at(*a).total_cmp(&length_at(*b)))
                 .unwrap_or(lower);
             let rooms = [straight - lower, upper - straight];
             let up = match rooms.map(|room| room >= KNEE_ROOM_RAD) {
                 [true, true] => {
-                    let mut bent = zero.to_vec();
-                    bent[joint] = straight + KNEE_ROOM_RAD;
-                    let moved = |positions: &[f64]| {
-                        (self.upright * self.model.link_pose(ankle, positions)).translation.x
+                    let mut forward_m = |position: f64| {
+                        positions[joint] = position;
+                        (self.upright * self.model.link_pose(ankle, &positions)).translation.x
                     };
-                    let before = moved(&{
-                        let mut plain = zero.to_vec();
-                        plain[joint] = straight;
-                        plain
-                    });
-                    moved(&bent) < before
+                    forward_m(straight + KNEE_ROOM_RAD) < forward_m(straight)
                 }
                 _ => rooms[1] > rooms[0],
             };
@@ -221,45 +217,14 @@ impl RestSearch<'_> {
             self.upright.rotation,
             SolverScope::Stance,
         );
-        let start = self.solver.positions.clone();
-        legs.positions.clone_from(&start);
-        legs.base = self.upright;
-        let soles = self.map.legs.map(|leg| leg.sole.unwrap_or(0));
-        // Feet are flat where the legs are straight; but legs may be bent at zero.
-        legs.positions.copy_from_slice(zero);
-        let poses = legs.poses(self.model).to_vec();
-        legs.positions.clone_from(&start);
-        let heights = soles.map(|sole| poses[sole].translation.z);
-        let mut feet = soles.map(|sole| poses[sole]);
-        for (foot, sole) in feet.iter_mut().zip(soles) {
-            foot.translation.z = 0.0;
-            if self.is_described(sole) {
-                foot.rotation = level_rotation(&foot.rotation, &Vector3::z_axis()) * foot.rotation;
-            }
-        }
-        let middle = (feet[0].translation.vector + feet[1].translation.vector) * 0.5;
-        let mut root = self.upright;
         let steps = self.config.stance == Stance::Stepping;
         let (crouch, pace) = match steps {
             true => (self.config.crouch.max(STEPPING_CROUCH), STEPPING_PACE),
             false => (self.config.crouch, 1.0),
         };
-        root.translation.z -= heights[0].min(heights[1]) + crouch * leg_m;
-        for _ in 0..20 {
-            legs.solve(
-                self.model,
-                &SolverInput {
-                    goal: SolverGoal::Stand { root: &root, feet: &feet, firmness: [1.0; 2] },
-                    rest: &start,
-                    steps: REST_STEPS / 10,
-                    bounds: far,
-                },
-            );
-            let poses = legs.poses(self.model);
-            let com = self.model.centre_of_mass(poses);
-            root.translation.x -= 0.7 * (com.x - middle.x);
-            root.translation.y -= 0.7 * (com.y - middle.y);
-        }
+        legs.base = self.upright;
+        let (feet, legs_m) = self.flat_feet(&mut legs, zero);
+        self.balance(&mut legs, &feet, legs_m + crouch * leg_m, far);
         self.solver.positions.clone_from(&legs.positions);
         self.solver.base = legs.base;
         let (sole_m, dt_s, preview_s) = (self.config.sole_m, self.dt_s, self.config.preview_s);
@@ -287,25 +252,10 @@ impl RestSearch<'_> {
                 limits.acceleration_rad_s2 = limits.acceleration_rad_s2.min(carried);
             }
         }
-        let height_m = self.model.centre_of_mass(legs.poses(self.model)).z - feet[0].translation.z;
         let (settings, arms) = match steps {
             true => (GovernorSettings::STEPPING, None),
             false => {
-                let limbs = self.map.limbs(self.model);
-                let weights = ZmpWeights {
-                    model: self.model,
-                    root: legs.base,
-                    rest: &legs.positions,
-                    limits: self.limits,
-                    is_arm_or_head: &limbs
-                        .iter()
-                        .map(|limb| limb.is_arm_or_head())
-                        .collect::<Vec<_>>(),
-                    is_leg: &is_leg,
-                    support: &support,
-                };
-                let weights = weights.by_joint();
-                let arms = ArmShare::new(height_m, self.config.arm_zmp_limit, weights, dt_s);
+                let arms = self.arm_share(&mut legs, &feet, &is_leg, &support);
                 (GovernorSettings::PLANTED, Some(arms))
             }
         };
@@ -320,5 +270,74 @@ impl RestSearch<'_> {
             stepper: steps.then(|| FootStepper::new(feet, leg_m, sole_m, dt_s, cycles)),
             legs,
         }
+    }
+
+    /// The soles on the floor as they are with the joints at `zero`, where legs are straight (or
+    /// bent, as they may be) and feet flat; and how far below the root the lower one is, metres.
+    fn flat_feet(&self, legs: &mut BodySolver, zero: &[f64]) -> ([Isometry3<f64>; 2], f64) {
+        let soles = self.map.legs.map(|leg| leg.sole.unwrap_or(0));
+        legs.positions.copy_from_slice(zero);
+        let poses = legs.poses(self.model).to_vec();
+        let heights = soles.map(|sole| poses[sole].translation.z);
+        let mut feet = soles.map(|sole| poses[sole]);
+        for (foot, sole) in feet.iter_mut().zip(soles) {
+            foot.translation.z = 0.0;
+            if self.is_described(sole) {
+                foot.rotation = level_rotation(&foot.rotation, &Vector3::z_axis()) * foot.rotation;
+            }
+        }
+        (feet, heights[0].min(heights[1]))
+    }
+
+    /// Moves the legs until the root is lower by so much and the weight between the feet.
+    fn balance(
+        &self,
+        legs: &mut BodySolver,
+        feet: &[Isometry3<f64>; 2],
+        lower_m: f64,
+        far: &[(f64, f64)],
+    ) {
+        let start = &self.solver.positions;
+        legs.positions.clone_from(start);
+        let middle = (feet[0].translation.vector + feet[1].translation.vector) * 0.5;
+        let mut root = self.upright;
+        root.translation.z -= lower_m;
+        for _ in 0..20 {
+            legs.solve(
+                self.model,
+                &SolverInput {
+                    goal: SolverGoal::Stand { root: &root, feet, firmness: [1.0; 2] },
+                    rest: start,
+                    steps: REST_STEPS / 10,
+                    bounds: far,
+                },
+            );
+            let com = self.model.centre_of_mass(legs.poses(self.model));
+            root.translation.x -= 0.7 * (com.x - middle.x);
+            root.translation.y -= 0.7 * (com.y - middle.y);
+        }
+    }
+
+    /// How much of the balance arms and head may take.
+    fn arm_share(
+        &self,
+        legs: &mut BodySolver,
+        feet: &[Isometry3<f64>; 2],
+        is_leg: &[bool],
+        support: &SupportPolygon,
+    ) -> ArmShare {
+        let height_m = self.model.centre_of_mass(legs.poses(self.model)).z - feet[0].translation.z;
+        let limbs = self.map.limbs(self.model);
+        let is_arm_or_head: Vec<bool> = limbs.iter().map(|limb| limb.is_arm_or_head()).collect();
+        let weights = ZmpWeights {
+            model: self.model,
+            root: legs.base,
+            rest: &legs.positions,
+            limits: self.limits,
+            is_arm_or_head: &is_arm_or_head,
+            is_leg,
+            support,
+        };
+        ArmShare::new(height_m, self.config.arm_zmp_limit, weights.by_joint(), self.dt_s)
     }
 }

@@ -18,7 +18,9 @@ use crate::process::speed::Speed;
 use crate::session::dance::open_recorder;
 use crate::session::led_dance::{self, FollowConfig, LedDanceResult};
 use crate::telemetry::pending_file::{PendingFile, write_whole};
-use crate::viewer::{Scene, Server, Songs, ViewerEnd, ViewerRequest, ViewerSettings, link};
+use crate::viewer::{
+    RobotEnd, Scene, Server, Songs, ViewerEnd, ViewerRequest, ViewerSettings, link,
+};
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
 use servodance_stage::Follower;
@@ -144,14 +146,7 @@ pub fn follow(
     apply_role(&mut settings, &role);
     let (mut robot_end, viewers) = link(robot.servos.len(), settings);
     let plain = Scene::of_robot(robot, Vec::new(), false)?;
-    let page = match options.view {
-        Some(bind) => {
-            let scene = Scene::of_robot(robot, Vec::new(), true)?;
-            let scene = Scene { takes_songs: false, ..scene };
-            Some(Server::start(bind, scene, robot_end.add_viewer(), Songs::default())?)
-        }
-        None => None,
-    };
+    let page = start_page(options, &mut robot_end)?;
     if let Some(page) = &page {
         on_page(page);
     }
@@ -207,32 +202,21 @@ pub fn follow(
     let joined =
         follower.join().map_err(|_| anyhow::anyhow!("the thread that hears the leader broke down"));
     let (followed, thread) = (followed?, joined?.context("the network")?);
-    let (figures, role) = (thread.follower.stats(), thread.follower.role().clone());
-    let report = FollowReport {
-        version: env!("CARGO_PKG_VERSION").to_owned(),
-        name: options.name.clone(),
-        followed,
-        wall_s,
-        cpu_cores,
-        lead_ms: figures.lead_s * 1e3,
-        needed_ms: figures.needed_s * 1e3,
-        way_ms: figures.transit_s * 1e3,
-        delay_ms: figures.clock.map_or(0.0, |clock| clock.delay_s * 1e3),
-        drift_ppm: figures.clock.map_or(0.0, |clock| clock.drift * 1e6),
-        lost_frames: figures.lost,
-        joined: figures.joined,
-        rejoined: figures.left,
-        canon_beats: role.canon_beats.unwrap_or_default().into(),
-        mirror: thread.settings.mirror,
-        amplitude: thread.settings.amplitude,
-        style: role.style,
-        dropped: Dropped { counted: figures.dropped, flooded: flooded.load(Ordering::Relaxed) },
-    };
+    let flooded = flooded.load(Ordering::Relaxed);
+    let report = thread.report(&options.name, followed, (wall_s, cpu_cores), flooded);
     if let Some(path) = &options.report {
         let text = serde_json::to_string_pretty(&report)? + "\n";
         write_whole(path, text.as_bytes())?;
     }
     Ok(report)
+}
+
+/// The page that shows the robot, if one shall.
+fn start_page(options: &StageFollow, end: &mut RobotEnd) -> anyhow::Result<Option<Server>> {
+    let Some(bind) = options.view else { return Ok(None) };
+    let scene = Scene::of_robot(&options.config.robot, Vec::new(), true)?;
+    let scene = Scene { takes_songs: false, ..scene };
+    Ok(Some(Server::start(bind, scene, end.add_viewer(), Songs::default())?))
 }
 
 /// Something that came over the network.
@@ -297,6 +281,37 @@ struct FollowerThread {
 }
 
 impl FollowerThread {
+    /// The figures at the end; of duration and load, seconds and cores.
+    fn report(
+        &self,
+        name: &str,
+        followed: LedDanceResult,
+        (wall_s, cpu_cores): (f64, f64),
+        flooded: u64,
+    ) -> FollowReport {
+        let (figures, role) = (self.follower.stats(), self.follower.role());
+        FollowReport {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            name: name.to_owned(),
+            followed,
+            wall_s,
+            cpu_cores,
+            lead_ms: figures.lead_s * 1e3,
+            needed_ms: figures.needed_s * 1e3,
+            way_ms: figures.transit_s * 1e3,
+            delay_ms: figures.clock.map_or(0.0, |clock| clock.delay_s * 1e3),
+            drift_ppm: figures.clock.map_or(0.0, |clock| clock.drift * 1e6),
+            lost_frames: figures.lost,
+            joined: figures.joined,
+            rejoined: figures.left,
+            canon_beats: role.canon_beats.unwrap_or_default().into(),
+            mirror: self.settings.mirror,
+            amplitude: self.settings.amplitude,
+            style: role.style.clone(),
+            dropped: Dropped { counted: figures.dropped, flooded },
+        }
+    }
+
     /// Runs until the control loop has ended.
     fn run(mut self) -> anyhow::Result<Self> {
         while !self.sink.is_abandoned() {
