@@ -61,3 +61,10 @@ def part_channels(part):
     channels += [67 + 3 * j + a for j in sorted(joints) for a in range(3)]
     channels += [133 + c for c in contacts]
     return channels
+
+
+def position_channels(part):
+    """Which of the 137 channels are quantised without an encoder: the positions of the
+    part's own joints, and with the pelvis the root's numbers."""
+    channels = part_channels(part)
+    return [c for c in channels if 4 <= c < 67 or (67 in channels and c < 4)]

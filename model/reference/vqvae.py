@@ -9,7 +9,7 @@ import torch.nn as nn
 import torch.nn.functional as F
 
 from blocks import Layer, alibi_bias
-from config import code_names, head_dim, part_channels
+from config import code_names, head_dim, part_channels, position_channels
 
 
 class Codebook(nn.Module):
@@ -117,8 +117,10 @@ class VqVae(nn.Module):
     def __init__(self, config, dropout=0.0):
         super().__init__()
         self.config, self.parts, self.names = config, config["parts"], code_names(config)
-        self.channels = {part: part_channels(part) for part in self.parts}
-        self.encoder = nn.ModuleDict({
+        self.plain = config["vq"].get("encoder") == "positions"
+        of_part = position_channels if self.plain else part_channels
+        self.channels = {part: of_part(part) for part in self.parts}
+        self.encoder = nn.ModuleDict({} if self.plain else {
             part: Encoder(self.channels[part], config, dropout)
             for part in self.parts})
         self.codebook = nn.ModuleDict(
@@ -128,6 +130,9 @@ class VqVae(nn.Module):
     def latents(self, motion):
         """Continuous codes before quantisation, per part [B, T, code_dim]."""
         vq = self.config["vq"]
+        if self.plain:
+            wide = self.config["code_dim"]
+            return {part: F.pad(motion[..., c], (0, wide - len(c))) for part, c in self.channels.items()}
         window = vq["encoder_window"]
         bias = alibi_bias(motion.shape[1], vq["encoder_slopes"], window, ahead=window)
         return {part: self.encoder[part](motion[..., self.channels[part]], bias).float()

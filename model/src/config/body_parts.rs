@@ -13,6 +13,18 @@ pub fn part_channels(part: &str) -> Result<Vec<usize>, String> {
     channels(part).ok_or_else(known)
 }
 
+/// Which of the 137 numbers the codes of a part are made of without an encoder network: the
+/// positions of its own joints, and with the pelvis the root's numbers. No joint is in two of
+/// the five parts of a body; the error is that of [`part_channels`].
+pub fn position_channels(part: &str) -> Result<Vec<usize>, String> {
+    let positions = JOINTS_AT..STEPS_AT;
+    let channels = part_channels(part)?;
+    let moves_root = channels.contains(&STEPS_AT);
+    let is_own =
+        |channel: &usize| positions.contains(channel) || moves_root && *channel < JOINTS_AT;
+    Ok(channels.into_iter().filter(is_own).collect())
+}
+
 /// Which of the 137 numbers the encoder of a part sees; the same table in
 /// Python is `part_channels` in `model/reference/config.py`.
 fn channels(part: &str) -> Option<Vec<usize>> {

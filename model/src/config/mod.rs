@@ -9,10 +9,12 @@ use serde::{Deserialize, Serialize};
 use crate::motion::representation::POSE_DIM;
 
 mod body_parts;
+mod encoder_kind;
 mod music_kind;
 mod presets;
 
-pub use body_parts::part_channels;
+pub use body_parts::{part_channels, position_channels};
+pub use encoder_kind::EncoderKind;
 pub use music_kind::{LATENT_DIM, MusicKind};
 pub use presets::PRESETS;
 
@@ -73,6 +75,9 @@ pub struct ModelConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VqConfig {
+    /// What is quantised.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub encoder: EncoderKind,
     /// Encoders and decoder add a linear map of their input to their output.
     #[serde(default, skip_serializing_if = "is_default")]
     pub skip: bool,
@@ -237,6 +242,13 @@ impl ModelConfig {
         }
         for part in &self.parts {
             part_channels(part)?;
+            let positions = position_channels(part)?.len();
+            if self.vq.encoder == EncoderKind::Positions && positions > self.code_dim {
+                return Err(format!(
+                    "code_dim is {}, expected at least {positions}: `{part}` has so many positions",
+                    self.code_dim
+                ));
+            }
         }
         let (vq, seq) = (&self.vq, &self.seq);
         for (name, value, limit) in [

@@ -8,7 +8,7 @@
 use candle_core::{Device, Tensor};
 
 use super::nearest_code::NearestCode;
-use crate::config::{ModelConfig, VqConfig, part_channels};
+use crate::config::{EncoderKind, ModelConfig, VqConfig, part_channels, position_channels};
 use crate::engine::AttentionWindow;
 use crate::engine::candle::{TensorTransformer, TransformerSizes};
 use crate::error::ModelError;
@@ -22,7 +22,9 @@ const PIECE_FRAMES: usize = 512;
 struct PartEncoder {
     /// Which of the 137 numbers it sees.
     channels: Vec<usize>,
-    transformer: TensorTransformer,
+    /// None where these numbers are quantised as they are.
+    transformer: Option<TensorTransformer>,
+    code_dim: usize,
     /// One a level.
     codebooks: Vec<NearestCode>,
 }
@@ -73,7 +75,11 @@ impl VqEncoder {
 impl PartEncoder {
     fn load(w: &Weights, part: &str) -> Result<Self, ModelError> {
         let (config, vq) = (w.config(), &w.config().vq);
-        let channels = part_channels(part).map_err(|reason| w.config_error(reason))?;
+        let channels = match vq.encoder {
+            EncoderKind::Transformer => part_channels(part),
+            EncoderKind::Positions => position_channels(part),
+        };
+        let channels = channels.map_err(|reason| w.config_error(reason))?;
         let sizes = TransformerSizes {
             input: channels.len(),
             dim: vq.encoder_dim,
@@ -86,21 +92,38 @@ impl PartEncoder {
             activation: config.activation,
             skip: vq.skip,
         };
+        let name = format!("vq.encoder.{part}");
+        let transformer = (vq.encoder == EncoderKind::Transformer)
+            .then(|| TensorTransformer::load(w, &name, sizes));
         let names = (1..=config.levels).map(|level| ModelConfig::code_name(part, level));
         Ok(Self {
-            transformer: TensorTransformer::load(w, &format!("vq.encoder.{part}"), sizes)?,
+            transformer: transformer.transpose()?,
+            code_dim: config.code_dim,
             codebooks: names.map(|name| NearestCode::load(w, &name)).collect::<Result<_, _>>()?,
             channels,
         })
     }
 
+    /// What is quantised, [frames, code_dim].
+    fn latents(&self, motion: &[[f32; POSE_DIM]]) -> Result<Tensor, ModelError> {
+        let frames = motion.len();
+        let seen = |row: &[f32; POSE_DIM]| self.channels.iter().map(|&c| row[c]).collect();
+        let rows: Vec<Vec<f32>> = motion.iter().map(seen).collect();
+        let Some(transformer) = &self.transformer else {
+            let filled = |mut row: Vec<f32>| {
+                row.resize(self.code_dim, 0.0);
+                row
+            };
+            let rows: Vec<f32> = rows.into_iter().flat_map(filled).collect();
+            return Ok(Tensor::from_vec(rows, (frames, self.code_dim), &Device::Cpu)?);
+        };
+        let seen = Tensor::from_vec(rows.concat(), (frames, self.channels.len()), &Device::Cpu)?;
+        Ok(transformer.forward(&seen, &mut transformer.start(Dtype::F32))?)
+    }
+
     /// [level][frame].
     fn codes(&self, motion: &[[f32; POSE_DIM]]) -> Result<Vec<Vec<u32>>, ModelError> {
-        let seen: Vec<f32> =
-            motion.iter().flat_map(|row| self.channels.iter().map(|&c| row[c])).collect();
-        let seen = Tensor::from_vec(seen, (motion.len(), self.channels.len()), &Device::Cpu)?;
-        let mut no_past = self.transformer.start(Dtype::F32);
-        let mut left = self.transformer.forward(&seen, &mut no_past)?;
+        let mut left = self.latents(motion)?;
         let mut levels = Vec::with_capacity(self.codebooks.len());
         for codebook in &self.codebooks {
             let (codes, rest) = codebook.quantise(&left)?;

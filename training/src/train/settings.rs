@@ -9,7 +9,7 @@ use super::error::TrainError;
 use crate::train::vqvae::codebook::CodebookSettings;
 use crate::train::vqvae::loss::LossWeights;
 use servodance_model::conditioning::MusicKind;
-use servodance_model::config::{ModelConfig, PRESETS, Positions};
+use servodance_model::config::{EncoderKind, ModelConfig, PRESETS, Positions};
 
 /// The network that a run trains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -47,8 +47,12 @@ pub enum Preset {
 pub struct ModelChanges {
     pub parts: Option<Vec<String>>,
     pub codes: Option<usize>,
+    /// Numbers of a code.
+    pub code_dim: Option<usize>,
     /// Codebooks a part.
     pub levels: Option<usize>,
+    /// What is quantised.
+    pub encoder: Option<EncoderKind>,
     /// Whether encoders and decoder add a linear map of their input.
     pub skip: Option<bool>,
     pub music: Option<MusicKind>,
@@ -256,6 +260,8 @@ impl SettingsFile {
         set(&mut config.parts, &change.parts);
         set(&mut config.codes, &change.codes);
         set(&mut config.levels, &change.levels);
+        set(&mut config.code_dim, &change.code_dim);
+        set(&mut config.vq.encoder, &change.encoder);
         set(&mut config.vq.skip, &change.skip);
         set(&mut config.music, &change.music);
         config.music_dim = config.music.dim();

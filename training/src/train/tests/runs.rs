@@ -9,6 +9,7 @@ use crate::train::motionseq::nll::IGNORED;
 use crate::train::motionseq::training::{MotionSeqTraining, SeqBatch};
 use crate::train::vqvae::vqvae_weights::VqVaeWeights;
 use safetensors::SafeTensors;
+use servodance_model::config::EncoderKind;
 use servodance_model::vqvae::VqEncoder;
 use servodance_model::weights::Weights;
 
@@ -82,6 +83,43 @@ fn fixed_codes_stay_to_the_bit_while_the_decoder_learns() {
     }
     let refused = Trainer::new(settings, data(), None).map(|_| ()).unwrap_err().to_string();
     assert!(refused.contains("stage_one"), "{refused}");
+}
+
+#[test]
+fn positions_are_quantised_without_an_encoder_as_by_the_networks_that_run() {
+    let mut trainer = trainer(TrainedNetwork::VqVae, |file| {
+        file.model.encoder = Some(EncoderKind::Positions);
+        file.model.parts = Some(["trunk", "left_leg", "right_arm"].map(str::to_owned).to_vec());
+        file.model.code_dim = Some(40);
+    });
+    go(&mut trainer, 12);
+    let bytes = trainer.weights();
+    let tensors = SafeTensors::deserialize(&bytes).unwrap();
+    assert!(tensors.names().iter().all(|name| !name.starts_with("vq.encoder.")));
+    // A level of codes of one part, by hand: the nearest to the positions themselves.
+    let floats = |name: &str| -> Vec<f32> {
+        let view = tensors.tensor(name).unwrap();
+        view.data().as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect()
+    };
+    let (mean, std) = (floats("norm.motion_mean"), floats("norm.motion_std"));
+    let motion: Vec<[f32; 137]> = TrainingData::example().clips[0].motion[..40]
+        .iter()
+        .map(|row| std::array::from_fn(|c| (row[c] - mean[c]) / std[c]))
+        .collect();
+    let encoder = VqEncoder::load(&Weights::open(&bytes, "trained").unwrap()).unwrap();
+    let found = encoder.encode(&motion).unwrap();
+    let book = floats("vq.codebook.right_arm");
+    let elbow_and_wrist = [19, 21].map(|joint| 4 + 3 * (joint - 1)).into_iter();
+    let channels: Vec<usize> = elbow_and_wrist.flat_map(|at| at..at + 3).collect();
+    for (row, codes) in motion.iter().zip(&found) {
+        let distance = |code: &usize| -> f32 {
+            let vector = &book[code * 40..][..6];
+            channels.iter().zip(vector).map(|(c, v)| (row[*c] - v).powi(2)).sum()
+        };
+        let nearest = (0..16).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap();
+        assert!((distance(&codes[2]) - distance(&nearest)).abs() < 1e-4);
+    }
+    assert!(found.iter().any(|codes| codes[2] != found[0][2]));
 }
 
 #[test]

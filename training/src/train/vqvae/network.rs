@@ -1,11 +1,12 @@
 //! The VQ-VAE on the tape: an encoder a body part, and the causal decoder.
 
 use crate::train::autodiff::ops::AttentionMask;
+use crate::train::autodiff::parameters::Parameters;
 use crate::train::autodiff::tape::{Batch, Tape, Var};
 use crate::train::layers::{
     Dropout, LayerNorm, LayerWidths, LinearLayer, ParamBuilder, TransformerLayer,
 };
-use servodance_model::config::{ModelConfig, part_channels};
+use servodance_model::config::{EncoderKind, ModelConfig, part_channels, position_channels};
 use servodance_model::weights::ENCODERS;
 
 #[derive(Clone, Debug)]
@@ -22,7 +23,11 @@ struct PartEncoder {
 /// The networks of the VQ-VAE; their numbers are in the parameters.
 #[derive(Clone, Debug)]
 pub(crate) struct VqVaeNetwork {
+    /// None where positions are quantised as they are.
     encoders: Vec<PartEncoder>,
+    /// Which numbers these are, of each part.
+    positions: Vec<Vec<usize>>,
+    code_dim: usize,
     encoder_mask: AttentionMask,
     input: LinearLayer,
     layers: Vec<TransformerLayer>,
@@ -42,8 +47,12 @@ impl VqVaeNetwork {
             inner: vq.encoder_slopes.len() * vq.encoder_head_dim(),
             hidden: 4 * vq.encoder_dim,
         };
-        let mut encoders = Vec::new();
+        let (mut encoders, mut positions) = (Vec::new(), Vec::new());
         for part in &config.parts {
+            if vq.encoder == EncoderKind::Positions {
+                positions.push(position_channels(part)?);
+                continue;
+            }
             let channels = part_channels(part)?;
             let name = |rest: &str| format!("{ENCODERS}{part}.{rest}");
             encoders.push(PartEncoder {
@@ -71,6 +80,8 @@ impl VqVaeNetwork {
         let wide = config.parts.len() * config.code_dim;
         Ok(Self {
             encoders,
+            positions,
+            code_dim: config.code_dim,
             encoder_mask: AttentionMask {
                 slopes: vq.encoder_slopes.clone(),
                 window: vq.encoder_window,
@@ -97,6 +108,36 @@ impl VqVaeNetwork {
         })
     }
 
+    /// Whether an encoder learns.
+    pub fn has_encoders(&self) -> bool {
+        !self.encoders.is_empty()
+    }
+
+    /// The decoder's way around its layers, where positions are quantised: each number to its
+    /// own place. The layers begin with nothing to add.
+    pub fn begin_with_positions(&self, parameters: &mut Parameters) {
+        if self.positions.is_empty() || self.skip.is_none() {
+            return;
+        }
+        let wide = self.positions.len() * self.code_dim;
+        for parameter in parameters.iter_mut() {
+            match parameter.name.as_str() {
+                "vq.decoder.skip.weight" => {
+                    parameter.values.fill(0.0);
+                    for (part, channels) in self.positions.iter().enumerate() {
+                        for (at, channel) in channels.iter().enumerate() {
+                            parameter.values[channel * wide + part * self.code_dim + at] = 1.0;
+                        }
+                    }
+                }
+                "vq.decoder.skip.bias" | "vq.decoder.output.weight" | "vq.decoder.output.bias" => {
+                    parameter.values.fill(0.0);
+                }
+                _ => (),
+            }
+        }
+    }
+
     /// Continuous codes of every part, [rows, code_dim], of normalised motion.
     pub fn latents(
         &self,
@@ -105,6 +146,16 @@ impl VqVaeNetwork {
         batch: &Batch,
         drop: &mut Dropout,
     ) -> Vec<Var> {
+        let filled = |channels: &Vec<usize>| {
+            let rows = motion.chunks(self.motion_dim).flat_map(|row| {
+                let seen = channels.iter().map(|c| row[*c]).chain(std::iter::repeat(0.0));
+                seen.take(self.code_dim)
+            });
+            t.constant(rows.collect(), self.code_dim)
+        };
+        if !self.positions.is_empty() {
+            return self.positions.iter().map(filled).collect();
+        }
         let of_part = |encoder: &PartEncoder| {
             let rows = motion.chunks(self.motion_dim);
             let seen = rows.flat_map(|row| encoder.channels.iter().map(|c| row[*c])).collect();

@@ -64,6 +64,7 @@ impl VqVaeTraining {
         let mut parameters = Parameters::default();
         let mut make = ParamBuilder { parameters: &mut parameters, rng };
         let net = VqVaeNetwork::new(&mut make, &settings.model).map_err(TrainError::Settings)?;
+        net.begin_with_positions(&mut parameters);
         let config = &settings.model;
         let mut training = Self {
             books: config.parts.iter().map(|_| ResidualCodebooks::random(config, rng)).collect(),
@@ -151,7 +152,7 @@ impl VqVaeTraining {
     ) -> BatchOutcome {
         let mut t = Tape::new(&self.parameters, std::mem::take(&mut self.buffers));
         let rate = self.settings.run.dropout;
-        let fixed = self.settings.codebook.fixed;
+        let fixed = self.settings.codebook.fixed || !self.net.has_encoders();
         let mut drop = Dropout { rate: if fixed { 0.0 } else { rate }, rng };
         let normalised = self.loss.normalised(real);
         let latents = self.net.latents(&mut t, &normalised, batch, &mut drop);
@@ -285,7 +286,9 @@ impl NetworkTraining for VqVaeTraining {
     }
 
     fn step(&mut self, step: u64, rng: &mut ChaCha8Rng) -> BatchOutcome {
-        let quantise = self.ready || step >= self.settings.quantise.free_steps;
+        // Without an encoder there is nothing to wait for.
+        let free = self.net.has_encoders() && step < self.settings.quantise.free_steps;
+        let quantise = self.ready || !free;
         if quantise && !self.ready {
             self.initialise_codebooks(rng);
         }
