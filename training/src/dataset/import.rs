@@ -233,6 +233,7 @@ fn import_file(
     }
     let (raw, lines) =
         read_format(request.kind, path, corrections).map_err(|error| error.to_string())?;
+    soundness::checked_motion(&raw.poses).map_err(named)?;
     let bone_change = soundness::bone_change(&raw.poses).map_err(named)?;
     if raw.duration_s() < SHORTEST_S {
         let seconds = raw.duration_s();

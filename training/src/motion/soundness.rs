@@ -1,5 +1,5 @@
-//! Checks that a motion is fit for training: bones keep their length, left and
-//! right are not exchanged.
+//! Checks that a motion is fit for training: somebody moves, y is up, bones keep their
+//! length, left and right are not exchanged.
 //!
 //! Look at motion as it was read: on the common skeleton every bone has its
 //! length again.
@@ -19,6 +19,43 @@ const BROKEN_FRAMES: f64 = 0.02;
 const MENDED: f64 = 0.1;
 /// Share of frames whose toes point backwards in a body that is mirrored.
 const BACKWARDS: f64 = 0.8;
+/// Least way of some joint from its mean place, metres: less is no motion.
+const LEAST_MOTION_M: f64 = 0.01;
+/// A body stands along an axis in a frame where so much of it, feet to head, is along it.
+const ALONG: f64 = 0.9;
+/// Share of frames in which a body stands along z where z is up. Nobody lies so straight.
+const STANDS_ALONG_Z: f64 = 0.9;
+
+/// Whether somebody moves, and upright in y at least now and then. The error says what is wrong.
+pub fn checked_motion(poses: &[Pose]) -> Result<(), String> {
+    if poses.len() > 1 && largest_way_m(poses) < LEAST_MOTION_M {
+        return Err("nothing moves: all frames are alike".into());
+    }
+    let stands = poses.iter().filter(|pose| stands_along(pose, 2)).count();
+    if !poses.is_empty() && stands as f64 > STANDS_ALONG_Z * poses.len() as f64 {
+        return Err("z is up, expected y: the body stands along z".into());
+    }
+    Ok(())
+}
+
+/// How far some joint gets from its mean place.
+fn largest_way_m(poses: &[Pose]) -> f64 {
+    let way = |joint: usize| {
+        let places = poses.iter().map(|pose| wide(pose[joint]));
+        let sum = places.clone().fold([0.0; 3], |a, b| std::array::from_fn(|k| a[k] + b[k]));
+        let mean = sum.map(|v| v / poses.len() as f64);
+        places.map(|place| norm(sub(place, mean))).fold(0.0, f64::max)
+    };
+    (0..BodyJoint::ALL.len()).map(way).fold(0.0, f64::max)
+}
+
+fn stands_along(pose: &Pose, axis: usize) -> bool {
+    let place = |joint: BodyJoint| wide(pose[joint as usize]);
+    let (left, right) = (place(BodyJoint::LeftAnkle), place(BodyJoint::RightAnkle));
+    let feet = std::array::from_fn(|k| 0.5 * (left[k] + right[k]));
+    let upwards = sub(place(BodyJoint::Head), feet);
+    upwards[axis] > ALONG * norm(upwards)
+}
 
 /// The largest change of a bone's length, as a share of its median: the 95th percentile over
 /// frames. Fails where the motion is unsound: no frames, a bone without length, bones that
@@ -116,6 +153,17 @@ mod tests {
         let mut poses = dance();
         change(&mut poses);
         bone_change(&poses).unwrap_err()
+    }
+
+    #[test]
+    fn a_motion_without_movement_and_one_with_z_up_are_told() {
+        let poses = dance();
+        assert_eq!(checked_motion(&poses), Ok(()));
+        let still = vec![poses[0]; 60];
+        assert!(checked_motion(&still).unwrap_err().contains("nothing moves"));
+        let z_up = |pose: &Pose| pose.map(|[x, y, z]| [x, -z, y]);
+        let turned: Vec<Pose> = poses.iter().map(z_up).collect();
+        assert!(checked_motion(&turned).unwrap_err().contains("z is up, expected y"));
     }
 
     #[test]
