@@ -22,11 +22,17 @@ def head_dim(stage, dim, heads):
     return stage.get("head_dim") or dim // heads
 
 
+def code_places(config):
+    """Part and level (from 0) of the codes of a frame, in sampling order: the parts, then
+    what the first codes left where a part has more codebooks."""
+    levels = config.get("levels") or [1] * len(config["parts"])
+    return [(part, level) for level in range(max(levels))
+            for part, count in zip(config["parts"], levels) if level < count]
+
+
 def code_names(config):
-    """Names of the codes of a frame, in sampling order: the parts, then, with several
-    levels, what the codes before left of each (`trunk_2`)."""
-    return [part if level == 1 else f"{part}_{level}"
-            for level in range(1, config.get("levels", 1) + 1) for part in config["parts"]]
+    """Names of the codes of a frame: `trunk`, `trunk_2`."""
+    return [part if level == 0 else f"{part}_{level + 1}" for part, level in code_places(config)]
 
 
 def classes(config, name):

@@ -170,8 +170,8 @@ def train_vqvae(args):
             z = [model.latents((data.motion[i] - mean) / std) for i in
                  (crops.batch(args.batch)[0] for _ in range(12))]
             left = {p: torch.cat([a[p].flatten(0, 1) for a in z]) for p in model.parts}
-            for i, name in enumerate(model.names):
-                part, book = model.parts[i % len(model.parts)], model.codebook[name]
+            for part, name in zip(model.part_of, model.names):
+                book = model.codebook[name]
                 book.k_means(left[part])
                 left[part] = left[part] - F.embedding(book.nearest(left[part]), book.embed)
         out, commit, codes = model(motion, valid, quantise, args.code_noise)

@@ -9,7 +9,7 @@ import torch.nn as nn
 import torch.nn.functional as F
 
 from blocks import Layer, alibi_bias
-from config import code_names, head_dim, part_channels, position_channels
+from config import code_names, code_places, head_dim, part_channels, position_channels
 
 
 class Codebook(nn.Module):
@@ -117,6 +117,7 @@ class VqVae(nn.Module):
     def __init__(self, config, dropout=0.0):
         super().__init__()
         self.config, self.parts, self.names = config, config["parts"], code_names(config)
+        self.part_of = [part for part, _ in code_places(config)]
         self.plain = config["vq"].get("encoder") == "positions"
         of_part = position_channels if self.plain else part_channels
         self.channels = {part: of_part(part) for part in self.parts}
@@ -141,8 +142,8 @@ class VqVae(nn.Module):
     def encode(self, motion):
         """Codes [B, T, names] of normalised motion: each level codes what is left."""
         left, codes = self.latents(motion), []
-        for i, name in enumerate(self.names):
-            part, book = self.parts[i % len(self.parts)], self.codebook[name]
+        for part, name in zip(self.part_of, self.names):
+            book = self.codebook[name]
             codes.append(book.nearest(left[part]))
             left[part] = left[part] - F.embedding(codes[-1], book.embed)
         return torch.stack(codes, -1)
@@ -151,7 +152,8 @@ class VqVae(nn.Module):
         """Of each part the sum of its codes' vectors, side by side."""
         vectors = [F.embedding(codes[..., i], self.codebook[name].embed)
                    for i, name in enumerate(self.names)]
-        return torch.cat([sum(vectors[i::len(self.parts)]) for i in range(len(self.parts))], -1)
+        return torch.cat([sum(v for of, v in zip(self.part_of, vectors) if of == part)
+                          for part in self.parts], -1)
 
     def decode(self, codes):
         """Normalised motion from codes [B, T, names]."""
@@ -166,8 +168,8 @@ class VqVae(nn.Module):
             return self.decoder(torch.cat(list(latents.values()), -1)).float(), 0.0, None
         chosen, commit, indices = {part: 0.0 for part in self.parts}, 0.0, []
         left = dict(latents)
-        for i, name in enumerate(self.names):
-            part, book = self.parts[i % len(self.parts)], self.codebook[name]
+        for part, name in zip(self.part_of, self.names):
+            book = self.codebook[name]
             z = left[part]
             with torch.no_grad():
                 distance = book.distances(z)

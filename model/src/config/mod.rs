@@ -9,11 +9,13 @@ use serde::{Deserialize, Serialize};
 use crate::motion::representation::POSE_DIM;
 
 mod body_parts;
+mod code_place;
 mod encoder_kind;
 mod music_kind;
 mod presets;
 
 pub use body_parts::{part_channels, position_channels};
+pub use code_place::CodePlace;
 pub use encoder_kind::EncoderKind;
 pub use music_kind::{LATENT_DIM, MusicKind};
 pub use presets::PRESETS;
@@ -55,10 +57,10 @@ pub struct ModelConfig {
     pub music_dim: usize,
     /// Body parts with codebooks of their own, in sampling order.
     pub parts: Vec<String>,
-    /// Codebooks of a part: each one codes what those before it left (residual vector
-    /// quantisation), and the vectors of their codes are added.
-    #[serde(default = "one", skip_serializing_if = "is_one")]
-    pub levels: usize,
+    /// Codebooks of each part, 1 if left out: each one codes what those before it left
+    /// (residual vector quantisation), and the vectors of their codes are added.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub levels: Vec<usize>,
     /// Codes in a codebook.
     pub codes: usize,
     /// Width of a code.
@@ -151,14 +153,6 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
-fn one() -> usize {
-    1
-}
-
-fn is_one(value: &usize) -> bool {
-    *value == 1
-}
-
 impl VqConfig {
     /// Width of a decoder head.
     pub fn decoder_head_dim(&self) -> usize {
@@ -197,26 +191,6 @@ impl SeqConfig {
 }
 
 impl ModelConfig {
-    /// Names of the codes of a frame, in sampling order: the parts, then, with several
-    /// levels, what the codes before left of each (`trunk_2`).
-    pub fn code_names(&self) -> Vec<String> {
-        let of_level = |level| self.parts.iter().map(move |part| Self::code_name(part, level));
-        (1..=self.levels).flat_map(of_level).collect()
-    }
-
-    /// Name of a part's code at a level, which count from 1.
-    pub fn code_name(part: &str, level: usize) -> String {
-        match level {
-            1 => part.to_owned(),
-            _ => format!("{part}_{level}"),
-        }
-    }
-
-    /// How many codes a frame has.
-    pub fn codes_a_frame(&self) -> usize {
-        self.parts.len() * self.levels
-    }
-
     /// Classes of a code's head: the codes, and in the first one the end of
     /// the sequence where the configuration has one.
     pub fn classes(&self, code: usize) -> usize {
@@ -240,6 +214,7 @@ impl ModelConfig {
                 self.music.name()
             ));
         }
+        self.check_levels()?;
         for part in &self.parts {
             part_channels(part)?;
             let positions = position_channels(part)?.len();
@@ -253,7 +228,6 @@ impl ModelConfig {
         let (vq, seq) = (&self.vq, &self.seq);
         for (name, value, limit) in [
             ("parts", self.parts.len(), 8),
-            ("levels", self.levels, 4),
             ("codes", self.codes, 65_536),
             ("code_dim", self.code_dim, 8192),
             ("vq.dim", vq.dim, 8192),

@@ -80,8 +80,8 @@ fn bytes_as<T>(name: &str, read: impl Fn([u8; 4]) -> T) -> Vec<T> {
     view.data().as_chunks::<4>().0.iter().map(|b| read(*b)).collect()
 }
 
-/// Codes of a frame of the tiny model: two parts, two levels.
-const CODES_A_FRAME: usize = 4;
+/// Codes of a frame of the tiny model: two of one part, one of the other.
+const CODES_A_FRAME: usize = 3;
 
 /// The codes of all frames.
 pub(super) fn code_rows(name: &str) -> Vec<Vec<usize>> {

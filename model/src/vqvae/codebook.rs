@@ -1,6 +1,7 @@
 //! Codebooks: tables of vectors for each body part, in which the decoder looks
 //! vectors up by code. The search for the nearest one is in `nearest_code`.
 
+use crate::config::CodePlace;
 use crate::engine::EmbeddingTable;
 use crate::error::ModelError;
 use crate::weights::Weights;
@@ -8,8 +9,8 @@ use crate::weights::Weights;
 /// The codebooks of all body parts, for look-up by code.
 #[derive(Clone, Debug)]
 pub(crate) struct Codebooks {
-    /// Level by level, in each all parts.
-    tables: Vec<EmbeddingTable>,
+    /// For each code of a frame, and which part it is of.
+    tables: Vec<(usize, EmbeddingTable)>,
     parts: usize,
     code_dim: usize,
 }
@@ -17,12 +18,16 @@ pub(crate) struct Codebooks {
 impl Codebooks {
     pub fn load(w: &Weights) -> Result<Self, ModelError> {
         let config = w.config();
-        let table = |name: &String| {
-            let name = format!("vq.codebook.{name}");
-            EmbeddingTable::load(w, &name, config.codes, config.code_dim)
+        let table = |place: CodePlace| {
+            let name = format!("vq.codebook.{}", config.code_name(place));
+            Ok((place.part, EmbeddingTable::load(w, &name, config.codes, config.code_dim)?))
         };
         Ok(Self {
-            tables: config.code_names().iter().map(table).collect::<Result<_, _>>()?,
+            tables: config
+                .code_places()
+                .into_iter()
+                .map(table)
+                .collect::<Result<_, ModelError>>()?,
             parts: config.parts.len(),
             code_dim: config.code_dim,
         })
@@ -36,8 +41,8 @@ impl Codebooks {
     /// Writes the vectors of all parts side by side, each the sum of its codes'.
     pub fn look_up(&self, codes: &[usize], out: &mut [f32]) {
         out.fill(0.0);
-        for (i, (table, code)) in self.tables.iter().zip(codes).enumerate() {
-            let to = &mut out[i % self.parts * self.code_dim..][..self.code_dim];
+        for ((part, table), code) in self.tables.iter().zip(codes) {
+            let to = &mut out[part * self.code_dim..][..self.code_dim];
             to.iter_mut().zip(table.row(*code)).for_each(|(sum, v)| *sum += v);
         }
     }

@@ -8,7 +8,7 @@
 use candle_core::{Device, Tensor};
 
 use super::nearest_code::NearestCode;
-use crate::config::{EncoderKind, ModelConfig, VqConfig, part_channels, position_channels};
+use crate::config::{CodePlace, EncoderKind, VqConfig, part_channels, position_channels};
 use crate::engine::AttentionWindow;
 use crate::engine::candle::{TensorTransformer, TransformerSizes};
 use crate::error::ModelError;
@@ -33,6 +33,8 @@ struct PartEncoder {
 #[derive(Clone, Debug)]
 pub struct VqEncoder {
     config: VqConfig,
+    /// Of the codes of a frame.
+    places: Vec<CodePlace>,
     parts: Vec<PartEncoder>,
 }
 
@@ -41,11 +43,15 @@ impl VqEncoder {
     /// dancing alone has none: the error names the first that is missing.
     pub fn load(w: &Weights) -> Result<Self, ModelError> {
         let config = w.config();
-        let parts = config.parts.iter().map(|part| PartEncoder::load(w, part));
-        Ok(Self { parts: parts.collect::<Result<_, _>>()?, config: config.vq.clone() })
+        let parts = (0..config.parts.len()).map(|part| PartEncoder::load(w, part));
+        Ok(Self {
+            parts: parts.collect::<Result<_, _>>()?,
+            places: config.code_places(),
+            config: config.vq.clone(),
+        })
     }
 
-    /// The codes ([`ModelConfig::code_names`]) of each row of 137 normalised numbers.
+    /// The codes ([`ModelConfig::code_names`](crate::config::ModelConfig::code_names)) of each row of 137 normalised numbers.
     pub fn encode(&self, motion: &[[f32; POSE_DIM]]) -> Result<Vec<Vec<usize>>, ModelError> {
         let margin = self.config.encoder_window * self.config.encoder_layers;
         let mut codes = Vec::with_capacity(motion.len());
@@ -63,18 +69,16 @@ impl VqEncoder {
     fn encode_piece(&self, motion: &[[f32; POSE_DIM]]) -> Result<Vec<Vec<usize>>, ModelError> {
         let parts = self.parts.iter().map(|part| part.codes(motion));
         let parts: Vec<Vec<Vec<u32>>> = parts.collect::<Result<_, _>>()?;
-        let levels = self.parts.first().map_or(0, |part| part.codebooks.len());
-        let row = |frame: usize| {
-            let of_level = |level: usize| parts.iter().map(move |codes| codes[level][frame]);
-            (0..levels).flat_map(of_level).map(|code| code as usize).collect()
-        };
+        let code = |place: &CodePlace, frame: usize| parts[place.part][place.level][frame] as usize;
+        let row = |frame| self.places.iter().map(|place| code(place, frame)).collect();
         Ok((0..motion.len()).map(row).collect())
     }
 }
 
 impl PartEncoder {
-    fn load(w: &Weights, part: &str) -> Result<Self, ModelError> {
+    fn load(w: &Weights, index: usize) -> Result<Self, ModelError> {
         let (config, vq) = (w.config(), &w.config().vq);
+        let part = &config.parts[index];
         let channels = match vq.encoder {
             EncoderKind::Transformer => part_channels(part),
             EncoderKind::Positions => position_channels(part),
@@ -95,11 +99,13 @@ impl PartEncoder {
         let name = format!("vq.encoder.{part}");
         let transformer = (vq.encoder == EncoderKind::Transformer)
             .then(|| TensorTransformer::load(w, &name, sizes));
-        let names = (1..=config.levels).map(|level| ModelConfig::code_name(part, level));
+        let places = (0..config.levels_of(index)).map(|level| CodePlace { part: index, level });
         Ok(Self {
             transformer: transformer.transpose()?,
             code_dim: config.code_dim,
-            codebooks: names.map(|name| NearestCode::load(w, &name)).collect::<Result<_, _>>()?,
+            codebooks: places
+                .map(|place| NearestCode::load(w, &config.code_name(place)))
+                .collect::<Result<_, _>>()?,
             channels,
         })
     }

@@ -49,8 +49,8 @@ pub struct ModelChanges {
     pub codes: Option<usize>,
     /// Numbers of a code.
     pub code_dim: Option<usize>,
-    /// Codebooks a part.
-    pub levels: Option<usize>,
+    /// Codebooks of each part.
+    pub levels: Option<Vec<usize>>,
     /// What is quantised.
     pub encoder: Option<EncoderKind>,
     /// Whether encoders and decoder add a linear map of their input.
@@ -257,6 +257,9 @@ impl SettingsFile {
         let mut config = ModelConfig::preset(preset).ok_or_else(unknown)?;
         config.seq.styles = crate::dataset::styles::STYLES.map(str::to_owned).to_vec();
         let change = &self.model;
+        if change.parts.is_some() {
+            config.levels.clear(); // they were those of other parts
+        }
         set(&mut config.parts, &change.parts);
         set(&mut config.codes, &change.codes);
         set(&mut config.levels, &change.levels);

@@ -24,16 +24,14 @@ use crate::train::vqvae::loss::MotionLoss;
 use crate::train::vqvae::residual_codebooks::ResidualCodebooks;
 use crate::train::vqvae::training::{MotionBatch, VqVaeTraining};
 use crate::train::vqvae::vqvae_weights::VqVaeWeights;
-use servodance_model::config::{ModelConfig, Positions, SeqConfig};
+use servodance_model::config::{CodePlace, ModelConfig, Positions, SeqConfig};
 use servodance_model::motion::representation::POSE_DIM;
 use servodance_model::weights::Weights;
 
 const TINY: &[u8] = include_bytes!("../../../model/src/tests/golden/tiny.safetensors");
 const TOLERANCE: f32 = 1e-4;
 /// Of the tiny model.
-const PARTS: [&str; 2] = ["lower", "upper"];
-const LEVELS: usize = 2;
-const CODES_A_FRAME: usize = PARTS.len() * LEVELS;
+const CODES_A_FRAME: usize = 3;
 
 fn rng() -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(2)
@@ -57,7 +55,7 @@ fn vqvae_training() -> VqVaeTraining {
     .unwrap();
     let tiny = read(TINY, &["vq.", "norm."]).unwrap();
     load(&mut stage.parameters, &tiny);
-    stage.books = PARTS.map(|part| codebooks(&tiny, part)).to_vec();
+    stage.books = (0..2).map(|part| codebooks(&tiny, part)).collect();
     stage.ready = true;
     let norm = |name: &str| floats(&tiny, &format!("norm.motion_{name}"));
     let weights = LossWeights { position: 0.5, ..Default::default() };
@@ -65,12 +63,13 @@ fn vqvae_training() -> VqVaeTraining {
     stage
 }
 
-fn codebooks(tensors: &Tensors, part: &str) -> ResidualCodebooks {
+fn codebooks(tensors: &Tensors, part: usize) -> ResidualCodebooks {
+    let config = ModelConfig::preset("tiny").unwrap();
     let book = |level| {
-        let name = ModelConfig::code_name(part, level);
+        let name = config.code_name(CodePlace { part, level });
         LearnedCodebook::new(floats(tensors, &format!("vq.codebook.{name}")), 8)
     };
-    ResidualCodebooks((1..=LEVELS).map(book).collect())
+    ResidualCodebooks((0..config.levels_of(part)).map(book).collect())
 }
 
 /// MotionSeq with the tiny weights, whose styles are two.

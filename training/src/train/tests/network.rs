@@ -1,10 +1,10 @@
 //! Both stages against the networks that run.
 
 use super::super::layers::Dropout;
-use super::{LEVELS, TINY, check_same, motionseq_training, noise, rng, seq_batch, vqvae_training};
+use super::{TINY, check_same, motionseq_training, noise, rng, seq_batch, vqvae_training};
 use crate::train::autodiff::tape::{Batch, BufferPool, Tape};
 use crate::train::vqvae::training::side_by_side;
-use servodance_model::config::Positions;
+use servodance_model::config::{CodePlace, Positions};
 use servodance_model::engine::{Engine, EngineOptions};
 use servodance_model::motion::representation::POSE_DIM;
 use servodance_model::motionseq::MotionSeq;
@@ -33,10 +33,11 @@ fn stage_one_computes_what_the_networks_that_run_compute() {
     let latents = stage.net.latents(&mut t, &normal, &batch, &mut drop);
     let books = stage.books.iter().zip(latents);
     let found: Vec<Vec<Vec<u32>>> = books.map(|(book, z)| book.nearest(t.data(z))).collect();
+    let places = weights.config().code_places();
     let expected = encoder.encode(normal.as_chunks().0).unwrap();
     for (frame, row) in expected.iter().enumerate() {
-        let of_level = |level: usize| found.iter().map(move |part| part[level][frame] as usize);
-        let found: Vec<usize> = (0..LEVELS).flat_map(of_level).collect();
+        let code = |place: &CodePlace| found[place.part][place.level][frame] as usize;
+        let found: Vec<usize> = places.iter().map(code).collect();
         assert_eq!(&found, row, "frame {frame}");
     }
     let parts: Vec<Vec<f32>> =

@@ -90,6 +90,7 @@ fn positions_are_quantised_without_an_encoder_as_by_the_networks_that_run() {
     let mut trainer = trainer(TrainedNetwork::VqVae, |file| {
         file.model.encoder = Some(EncoderKind::Positions);
         file.model.parts = Some(["trunk", "left_leg", "right_arm"].map(str::to_owned).to_vec());
+        file.model.levels = Some(vec![3, 2, 1]);
         file.model.code_dim = Some(40);
     });
     go(&mut trainer, 12);

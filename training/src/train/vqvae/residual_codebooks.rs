@@ -27,12 +27,12 @@ pub(super) struct QuantisedRows {
 }
 
 impl ResidualCodebooks {
-    /// Codes at random; k-means comes before their first use.
-    pub fn random(config: &ModelConfig, rng: &mut ChaCha8Rng) -> Self {
+    /// Codes of a part at random; k-means comes before their first use.
+    pub fn random(config: &ModelConfig, part: usize, rng: &mut ChaCha8Rng) -> Self {
         let count = config.codes * config.code_dim;
         let mut book =
             || LearnedCodebook::new((0..count).map(|_| normal(rng)).collect(), config.code_dim);
-        Self((0..config.levels).map(|_| book()).collect())
+        Self((0..config.levels_of(part)).map(|_| book()).collect())
     }
 
     pub fn dim(&self) -> usize {
@@ -137,8 +137,8 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(4);
         let rows = rows(&mut rng);
         let tiny = ModelConfig::preset("tiny").unwrap();
-        let config = ModelConfig { levels: 2, codes: 16, code_dim: 4, ..tiny };
-        let mut two = ResidualCodebooks::random(&config, &mut rng);
+        let config = ModelConfig { codes: 16, code_dim: 4, ..tiny };
+        let mut two = ResidualCodebooks::random(&config, 0, &mut rng);
         two.k_means(rows.clone(), 20, &mut rng);
         let one = ResidualCodebooks(two.0[..1].to_vec());
         let (one, two) = (error(&one, &rows), error(&two, &rows));

@@ -17,7 +17,7 @@ use crate::train::layers::{Dropout, ParamBuilder};
 use crate::train::network_training::{BatchOutcome, NamedValues, NetworkTraining};
 use crate::train::settings::TrainingSettings;
 use crate::train::tensors::{Numbers, Tensors, floats};
-use servodance_model::config::ModelConfig;
+use servodance_model::config::{CodePlace, ModelConfig};
 use servodance_model::motion::representation::POSE_DIM;
 use servodance_model::weights::ENCODERS;
 
@@ -67,7 +67,9 @@ impl VqVaeTraining {
         net.begin_with_positions(&mut parameters);
         let config = &settings.model;
         let mut training = Self {
-            books: config.parts.iter().map(|_| ResidualCodebooks::random(config, rng)).collect(),
+            books: (0..config.parts.len())
+                .map(|part| ResidualCodebooks::random(config, part, rng))
+                .collect(),
             held: held(&data),
             loss: MotionLoss::new(mean, std, settings.loss),
             parameters,
@@ -225,11 +227,9 @@ impl VqVaeTraining {
 
 /// Names of all codebooks: part by part, of each all levels.
 fn names_of_books(config: &ModelConfig) -> impl Iterator<Item = String> {
-    let of_part = |part: &String| {
-        let part = part.clone();
-        (1..=config.levels).map(move |level| ModelConfig::code_name(&part, level))
-    };
-    config.parts.iter().flat_map(of_part)
+    let of_part = |part| (0..config.levels_of(part)).map(move |level| CodePlace { part, level });
+    let places = (0..config.parts.len()).flat_map(of_part);
+    places.map(|place| config.code_name(place))
 }
 
 fn named_books<'a>(
@@ -334,9 +334,9 @@ impl NetworkTraining for VqVaeTraining {
                 moved_mm += 1e3 * mean_apart(a, b);
                 pairs += 1.0;
             }
-            let of_level = |level: usize| found.iter().map(move |codes| &codes[level]);
-            let more = (0..self.settings.model.levels).flat_map(of_level);
-            codes.iter_mut().zip(more).for_each(|(all, more)| all.extend(more));
+            for (all, place) in codes.iter_mut().zip(self.settings.model.code_places()) {
+                all.extend(&found[place.part][place.level]);
+            }
         }
         let mean = MotionLossTerms {
             huber: sum.huber / frames,
