@@ -132,8 +132,9 @@ fn compare_holds_every_format_against_f32() {
         assert!(kept[4] < kept[1], "four bits cost nothing: {kept:?}");
     }
     let nll = column("nll");
+    // A quarter of a nat a code, of which the tiny model has three a frame.
     let of_f32 = nll[0];
-    assert!(nll.iter().all(|n| (n - of_f32).abs() < 0.5), "{nll:?}");
+    assert!(nll.iter().all(|n| (n - of_f32).abs() < 3.0 * 0.25), "{nll:?}");
     assert!(column("frames").iter().all(|frames| *frames > 200.0));
 }
 
