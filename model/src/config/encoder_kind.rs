@@ -10,6 +10,6 @@ pub enum EncoderKind {
     #[default]
     Transformer,
     /// No network: the normalised positions of the part's own joints, and with the pelvis how
-    /// the root moves. Nothing of it can wear off on what was learned from.
+    /// the root moves. Nothing is trained, so nothing is fitted to the motion learned from.
     Positions,
 }

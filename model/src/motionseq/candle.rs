@@ -29,11 +29,11 @@ struct CandleHead {
 impl CandleHead {
     fn load(w: &Weights, index: usize, dtype: Dtype) -> Result<Self, ModelError> {
         let (config, rounded) = (w.config(), RoundedWeights(w, dtype));
-        let (dim, part) = (config.seq.dim, &config.code_names()[index]);
-        let (norm, name) = (format!("seq.refine_norm.{part}"), format!("seq.refine.{part}"));
+        let (dim, code) = (config.seq.dim, &config.code_names()[index]);
+        let (norm, name) = (format!("seq.refine_norm.{code}"), format!("seq.refine.{code}"));
         let load =
             || TensorFeedForward::load(&rounded, (&norm, &name), (dim, dim), config.activation);
-        let head = format!("seq.head.{part}");
+        let head = format!("seq.head.{code}");
         Ok(Self {
             refine: (index > 0).then(load).transpose()?,
             head: TensorLinear::load(&rounded, &head, dim, config.classes(index))?,
@@ -152,22 +152,22 @@ impl CandleSeq {
         Ok(())
     }
 
-    /// Logits of one part, [lanes * frames, classes], for the frames of the last
+    /// Logits of one code, [lanes * frames, classes], for the frames of the last
     /// step; `chosen` holds, for each frame, at least the codes before it.
     pub fn logits<'a>(
         &self,
         state: &'a mut CandleSeqState,
-        part: usize,
+        index: usize,
         chosen: &[&[usize]],
     ) -> Result<&'a [f32], ModelError> {
         let dim = self.config.dim;
         let mut hidden = state.hidden.clone();
         for (row, chosen) in hidden.chunks_exact_mut(dim).zip(chosen.iter().cycle()) {
-            self.embeddings.add_chosen(row, &chosen[..part]);
+            self.embeddings.add_chosen(row, &chosen[..index]);
         }
         let rows = hidden.len() / dim;
         let mut x = Tensor::from_vec(hidden, (rows, dim), &Device::Cpu)?;
-        let CandleHead { refine, head } = &self.heads[part];
+        let CandleHead { refine, head } = &self.heads[index];
         if let Some(refine) = refine {
             x = refine.forward(&x)?;
         }

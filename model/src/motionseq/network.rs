@@ -116,16 +116,16 @@ impl MotionSeq {
         &self,
         team: &Team,
         state: &'a mut SeqState,
-        part: usize,
+        index: usize,
         chosen: &[usize],
     ) -> Result<impl Iterator<Item = &'a [f32]> + use<'a>, ModelError> {
         let lanes = state.lanes();
         let logits = match (&self.network, &mut state.0) {
             (SeqNetwork::Own(network), State::Own(state)) => {
-                network.logits(team, state, part, chosen)
+                network.logits(team, state, index, chosen)
             }
             (SeqNetwork::Candle(network), State::Candle(state)) => {
-                team.install(|| network.logits(state, part, &[chosen]))?
+                team.install(|| network.logits(state, index, &[chosen]))?
             }
             _ => other_engine(),
         };

@@ -27,12 +27,12 @@ struct OwnHead {
 impl OwnHead {
     fn load(w: &Weights, index: usize, dtype: Dtype) -> Result<Self, ModelError> {
         let config = w.config();
-        let (dim, part) = (config.seq.dim, &config.code_names()[index]);
-        let (norm, name) = (format!("seq.refine_norm.{part}"), format!("seq.refine.{part}"));
+        let (dim, code) = (config.seq.dim, &config.code_names()[index]);
+        let (norm, name) = (format!("seq.refine_norm.{code}"), format!("seq.refine.{code}"));
         let refine = (index > 0)
             .then(|| FeedForwardBlock::load(w, (&norm, &name), dim, dim, dtype))
             .transpose()?;
-        let name = format!("seq.head.{part}");
+        let name = format!("seq.head.{code}");
         Ok(Self { refine, head: PackedLinear::load(w, &name, dim, config.classes(index), dtype)? })
     }
 
@@ -238,15 +238,15 @@ impl OwnSeq {
         &self,
         team: &Team,
         state: &'a mut OwnSeqState,
-        part: usize,
+        index: usize,
         chosen: &[usize],
     ) -> &'a [f32] {
         let OwnSeqState { hidden, head_work: work, logits, .. } = state;
         work.x.copy_from_slice(hidden);
         for x in work.x.chunks_exact_mut(work.dim) {
-            self.embeddings.add_chosen(x, &chosen[..part]);
+            self.embeddings.add_chosen(x, &chosen[..index]);
         }
-        let OwnHead { refine, head } = &self.heads[part];
+        let OwnHead { refine, head } = &self.heads[index];
         if let Some(refine) = refine {
             refine.step(team, work);
         }

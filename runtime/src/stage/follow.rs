@@ -281,14 +281,15 @@ struct FollowerThread {
 }
 
 impl FollowerThread {
-    /// The figures at the end; of duration and load, seconds and cores.
+    /// The figures at the end; `load` is the duration by the wall clock, seconds, and the busy cores.
     fn report(
         &self,
         name: &str,
         followed: LedDanceResult,
-        (wall_s, cpu_cores): (f64, f64),
+        load: (f64, f64),
         flooded: u64,
     ) -> FollowReport {
+        let (wall_s, cpu_cores) = load;
         let (figures, role) = (self.follower.stats(), self.follower.role());
         FollowReport {
             version: env!("CARGO_PKG_VERSION").to_owned(),

@@ -20,6 +20,8 @@ use super::index;
 use super::options::DatasetOptions;
 use super::training_file::TrainingClip;
 
+/// What the seed of these clips differs by from those of others.
+const SEED: u64 = 0x7117;
 /// Longest piece of a clip that is turned over once.
 const PIECE_S: f64 = 20.0;
 /// Shorter clips are left out.
@@ -31,32 +33,26 @@ const SPIN_RAD_S: f64 = 2.5;
 /// The lowest joint touches the floor, seen over so many frames to both sides.
 const FLOOR_FRAMES: usize = 15;
 
-/// Adds `options.tilted` minutes, of clips that are learned from.
+/// Adds `options.tilted` minutes, of clips that are learned from; none where there are no
+/// such clips. Files that cannot be read are named with the captured motion.
 pub(super) fn collect(
     folder: &Path,
     options: &DatasetOptions,
     clips: &mut Vec<TrainingClip>,
 ) -> Result<(), DatasetError> {
-    let entries = index::read(folder)?;
-    let learned: Vec<&ClipEntry> =
-        entries.iter().filter(|entry| entry.split == Split::Train).collect();
-    let mut rng = ChaCha8Rng::seed_from_u64(options.seed ^ 0x7117);
-    let (mut minutes, mut misses) = (0.0, 0);
-    while minutes < options.tilted && misses < learned.len() {
+    if options.tilted <= 0.0 {
+        return Ok(());
+    }
+    let learned = learned_from(folder)?;
+    let mut rng = ChaCha8Rng::seed_from_u64(options.seed ^ SEED);
+    let mut minutes = 0.0;
+    while minutes < options.tilted {
         // Dance twice as often.
-        let weight = |entry: &&&ClipEntry| entry.minutes * if entry.dance { 2.0 } else { 1.0 };
-        let Ok(entry) = learned.choose_weighted(&mut rng, |entry| weight(&entry)) else { break };
-        let Ok(clip) = Clip::read_npz(entry.path(folder)) else {
-            misses += 1;
-            continue;
-        };
-        let clip = if rng.random() { clip.mirrored() } else { clip };
-        let poses = clip.normalised().poses;
+        let weight =
+            |(entry, _): &(ClipEntry, Clip)| entry.minutes * (1.0 + f64::from(entry.dance));
+        let Ok((entry, clip)) = learned.choose_weighted(&mut rng, weight) else { break };
+        let poses = if rng.random() { clip.mirrored().poses } else { clip.poses.clone() };
         let length = poses.len().min((PIECE_S * FRAME_RATE_HZ) as usize);
-        if length < LEAST_FRAMES {
-            misses += 1;
-            continue;
-        }
         let start = rng.random_range(0..=poses.len() - length);
         let turned = turned_over(&poses[start..start + length], &mut rng);
         minutes += length as f64 / FRAME_RATE_HZ / 60.0;
@@ -73,6 +69,16 @@ pub(super) fn collect(
         });
     }
     Ok(())
+}
+
+/// The captured clips of the split that is learned from, long enough to be turned over.
+fn learned_from(folder: &Path) -> Result<Vec<(ClipEntry, Clip)>, DatasetError> {
+    let learned = index::read(folder)?.into_iter().filter(|entry| entry.split == Split::Train);
+    let read = |entry: ClipEntry| {
+        let clip = Clip::read_npz(entry.path(folder)).ok()?.normalised();
+        (clip.poses.len() >= LEAST_FRAMES).then_some((entry, clip))
+    };
+    Ok(learned.filter_map(read).collect())
 }
 
 /// The body turned about a level axis through the pelvis, its lowest joint on the floor.

@@ -26,7 +26,7 @@ const ALONG: f64 = 0.9;
 /// Share of frames in which a body stands along z where z is up. Nobody lies so straight.
 const STANDS_ALONG_Z: f64 = 0.9;
 
-/// Whether somebody moves, and upright in y at least now and then. The error says what is wrong.
+/// Fails where nothing moves, or where z is up instead of y.
 pub fn checked_motion(poses: &[Pose]) -> Result<(), String> {
     if poses.len() > 1 && largest_way_m(poses) < LEAST_MOTION_M {
         return Err("nothing moves: all frames are alike".into());

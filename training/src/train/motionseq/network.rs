@@ -103,8 +103,8 @@ impl MotionSeqNetwork {
         let stream = self.music_in.forward(t, music);
         let mut stream = t.or_else(stream, self.music_null, batch.length, inputs.has_music.clone());
         let mut sum = seq.music_at_input.then_some(stream);
-        for (part, codes) in self.heads.iter().zip(&inputs.previous) {
-            sum = Some(t.lookup(sum, part.embed, seq.dim, codes.clone()));
+        for (head, codes) in self.heads.iter().zip(&inputs.previous) {
+            sum = Some(t.lookup(sum, head.embed, seq.dim, codes.clone()));
         }
         let mut x = sum.unwrap_or(stream);
         if seq.positions == Positions::Sinusoidal {
@@ -132,16 +132,16 @@ impl MotionSeqNetwork {
         let mut logits = Vec::with_capacity(self.heads.len());
         // Heads are not dropped: they are no residual branches of the body.
         let mut never = Dropout { rate: 0.0, rng: drop.rng };
-        for (part, chosen) in self.heads.iter().zip(&inputs.chosen) {
-            let seen = match &part.refine {
+        for (head, chosen) in self.heads.iter().zip(&inputs.chosen) {
+            let seen = match &head.refine {
                 Some((norm, refine)) => {
                     let normal = norm.forward(t, hidden);
                     refine.onto(t, normal, hidden, &inputs.batch, &mut never)
                 }
                 None => hidden,
             };
-            logits.push(part.head.forward(t, seen));
-            if let Some(given) = part.given {
+            logits.push(head.head.forward(t, seen));
+            if let Some(given) = head.given {
                 hidden = t.lookup(Some(hidden), given, self.config.seq.dim, chosen.clone());
             }
         }
@@ -180,18 +180,18 @@ impl MotionSeqLayer {
 impl CodeHead {
     fn new(make: &mut ParamBuilder, index: usize, config: &ModelConfig) -> Self {
         let names = config.code_names();
-        let (dim, codes, part) = (config.seq.dim, config.codes, &names[index]);
-        let table = |kind: &str| format!("seq.{kind}.{part}.weight");
-        let refine = format!("seq.refine.{part}");
+        let (dim, codes, name) = (config.seq.dim, config.codes, &names[index]);
+        let table = |kind: &str| format!("seq.{kind}.{name}.weight");
+        let refine = format!("seq.refine.{name}");
         Self {
             embed: make.tensor(table("embed"), &[codes, dim], EMBEDDING),
             given: (index + 1 < names.len())
                 .then(|| make.tensor(table("given"), &[codes, dim], EMBEDDING)),
             refine: (index > 0).then(|| {
-                let norm = LayerNorm::new(make, &format!("seq.refine_norm.{part}"), dim);
+                let norm = LayerNorm::new(make, &format!("seq.refine_norm.{name}"), dim);
                 (norm, FeedForwardLayer::new(make, &refine, dim, dim, config.activation))
             }),
-            head: LinearLayer::new(make, &format!("seq.head.{part}"), dim, config.classes(index)),
+            head: LinearLayer::new(make, &format!("seq.head.{name}"), dim, config.classes(index)),
         }
     }
 }
