@@ -64,9 +64,11 @@ class MotionSeq(nn.Module):
         self.norm = nn.LayerNorm(dim)
         self.head = nn.ModuleDict({p: nn.Linear(dim, classes(config, p)) for p in self.names})
         # Codes after the first also see those already chosen for this frame.
-        self.given = nn.ModuleDict({p: nn.Embedding(self.codes, dim) for p in self.names[:-1]})
-        self.refine = nn.ModuleDict({p: FeedForward(dim, dim, config["activation"]) for p in self.names[1:]})
-        self.refine_norm = nn.ModuleDict({p: nn.LayerNorm(dim) for p in self.names[1:]})
+        # Residual codes have one table for both, and no layers of their own.
+        firsts = self.names[:len(config["parts"])]
+        self.given = nn.ModuleDict({p: nn.Embedding(self.codes, dim) for p in firsts if p != self.names[-1]})
+        self.refine = nn.ModuleDict({p: FeedForward(dim, dim, config["activation"]) for p in firsts[1:]})
+        self.refine_norm = nn.ModuleDict({p: nn.LayerNorm(dim) for p in firsts[1:]})
         for table in [*self.embed.values(), *self.given.values()]:
             nn.init.normal_(table.weight, std=0.02 * 16)
 
@@ -97,13 +99,18 @@ class MotionSeq(nn.Module):
             x = layer(x, stream, style, bias, cross_bias)
         return self.norm(x)
 
+    def told(self, name):
+        """The table that tells later codes of the frame this one."""
+        return self.given[name] if name in self.given else self.embed[name]
+
     def code_logits(self, index, hidden, codes):
         """Logits of one code, given those of the frame [.., names] before it."""
         name = self.names[index]
         if index:
-            hidden = hidden + sum(self.given[p](codes[..., i])
-                                  for i, p in enumerate(self.names[:index]))
-            hidden = hidden + self.refine[name](self.refine_norm[name](hidden))
+            chosen = enumerate(self.names[:index])
+            hidden = hidden + sum(self.told(p)(codes[..., i]) for i, p in chosen)
+            if name in self.refine:
+                hidden = hidden + self.refine[name](self.refine_norm[name](hidden))
         return self.head[name](hidden)
 
     def forward(self, previous, target, music, has_music, style):

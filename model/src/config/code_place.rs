@@ -34,6 +34,13 @@ impl ModelConfig {
         (0..self.parts.len()).map(|part| self.levels_of(part)).sum()
     }
 
+    /// Whether a code of a frame is the first of its part. Only such codes have layers of their
+    /// own in MotionSeq, and a second embedding: what a residual code adds is linear in the codes
+    /// before it, and there may be many of them.
+    pub fn is_first_level(&self, code: usize) -> bool {
+        code < self.parts.len()
+    }
+
     /// Names of the codes of a frame, as they come.
     pub fn code_names(&self) -> Vec<String> {
         self.code_places().into_iter().map(|place| self.code_name(place)).collect()

@@ -21,7 +21,7 @@ struct CandleLayer {
 
 #[derive(Clone, Debug)]
 struct CandleHead {
-    /// Of codes after the first, which see those chosen before.
+    /// Of the parts' codes after the first, which see those chosen before.
     refine: Option<TensorFeedForward>,
     head: TensorLinear,
 }
@@ -35,7 +35,7 @@ impl CandleHead {
             || TensorFeedForward::load(&rounded, (&norm, &name), (dim, dim), config.activation);
         let head = format!("seq.head.{code}");
         Ok(Self {
-            refine: (index > 0).then(load).transpose()?,
+            refine: (index > 0 && config.is_first_level(index)).then(load).transpose()?,
             head: TensorLinear::load(&rounded, &head, dim, config.classes(index))?,
         })
     }

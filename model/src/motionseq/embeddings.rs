@@ -10,7 +10,8 @@ use crate::weights::Weights;
 pub(super) struct CodeEmbeddings {
     /// The codes of the frame before, a table for each.
     previous: Vec<EmbeddingTable>,
-    /// The code just chosen, told to those after it; none for the last.
+    /// A code just chosen, told to those after it: the parts' first codes, all but the last of
+    /// the frame. Residual codes have one table for both.
     chosen: Vec<EmbeddingTable>,
     absolute: bool,
 }
@@ -26,7 +27,7 @@ impl CodeEmbeddings {
             names.iter().map(table).collect::<Result<_, _>>()
         };
         let names = config.code_names();
-        let earlier = names.len().saturating_sub(1);
+        let earlier = config.parts.len().min(names.len() - 1);
         Ok(Self {
             previous: tables("embed", &names)?,
             chosen: tables("given", &names[..earlier])?,
@@ -36,12 +37,13 @@ impl CodeEmbeddings {
 
     /// Adds the codes of the frame before to a vector.
     pub fn add_previous(&self, x: &mut [f32], codes: &[usize]) {
-        add_rows(x, &self.previous, codes);
+        add_rows(x, self.previous.iter(), codes);
     }
 
     /// Adds the codes that were chosen first in this frame.
     pub fn add_chosen(&self, x: &mut [f32], codes: &[usize]) {
-        add_rows(x, &self.chosen, codes);
+        let residual = self.previous.iter().skip(self.chosen.len());
+        add_rows(x, self.chosen.iter().chain(residual), codes);
     }
 
     /// Adds where a frame stands, if the model is told so.
@@ -52,8 +54,8 @@ impl CodeEmbeddings {
     }
 }
 
-fn add_rows(x: &mut [f32], tables: &[EmbeddingTable], codes: &[usize]) {
-    for (table, code) in tables.iter().zip(codes) {
+fn add_rows<'a>(x: &mut [f32], tables: impl Iterator<Item = &'a EmbeddingTable>, codes: &[usize]) {
+    for (table, code) in tables.zip(codes) {
         x.iter_mut().zip(table.row(*code)).for_each(|(x, e)| *x += e);
     }
 }

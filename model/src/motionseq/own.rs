@@ -19,7 +19,7 @@ struct OwnLayer {
 
 #[derive(Clone, Debug)]
 struct OwnHead {
-    /// Of codes after the first, which see those chosen before.
+    /// Of the parts' codes after the first, which see those chosen before.
     refine: Option<FeedForwardBlock>,
     head: PackedLinear,
 }
@@ -29,7 +29,7 @@ impl OwnHead {
         let config = w.config();
         let (dim, code) = (config.seq.dim, &config.code_names()[index]);
         let (norm, name) = (format!("seq.refine_norm.{code}"), format!("seq.refine.{code}"));
-        let refine = (index > 0)
+        let refine = (index > 0 && config.is_first_level(index))
             .then(|| FeedForwardBlock::load(w, (&norm, &name), dim, dim, dtype))
             .transpose()?;
         let name = format!("seq.head.{code}");

@@ -28,7 +28,7 @@ struct MotionSeqLayer {
 #[derive(Clone, Debug)]
 struct CodeHead {
     embed: ParamId,
-    /// Tells later heads this code; none for the last.
+    /// Tells later heads this code; none for the last. The table `embed` for residual codes.
     given: Option<ParamId>,
     refine: Option<(LayerNorm, FeedForwardLayer)>,
     head: LinearLayer,
@@ -183,11 +183,15 @@ impl CodeHead {
         let (dim, codes, name) = (config.seq.dim, config.codes, &names[index]);
         let table = |kind: &str| format!("seq.{kind}.{name}.weight");
         let refine = format!("seq.refine.{name}");
+        let is_first_level = config.is_first_level(index);
+        let embed = make.tensor(table("embed"), &[codes, dim], EMBEDDING);
         Self {
-            embed: make.tensor(table("embed"), &[codes, dim], EMBEDDING),
-            given: (index + 1 < names.len())
-                .then(|| make.tensor(table("given"), &[codes, dim], EMBEDDING)),
-            refine: (index > 0).then(|| {
+            embed,
+            given: (index + 1 < names.len()).then(|| match is_first_level {
+                true => make.tensor(table("given"), &[codes, dim], EMBEDDING),
+                false => embed,
+            }),
+            refine: (index > 0 && is_first_level).then(|| {
                 let norm = LayerNorm::new(make, &format!("seq.refine_norm.{name}"), dim);
                 (norm, FeedForwardLayer::new(make, &refine, dim, dim, config.activation))
             }),
