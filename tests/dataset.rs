@@ -139,3 +139,18 @@ fn imports_that_cannot_be_made_are_refused() {
     }
     program.refused(&["dataset", "report", "in"], &["index.csv"]);
 }
+
+#[test]
+fn minutes_to_build_are_numbers_and_need_their_motion() {
+    let program = Program::new();
+    let build = ["dataset", "build", "data.safetensors"];
+    for (option, minutes, words) in [
+        ("--choreography", "nan", "--choreography NaN is outside 0..10000"),
+        ("--tilted", "inf", "--tilted inf is outside 0..10000"),
+        ("--tilted", "1", "--tilted needs --motion"),
+        ("--figures", "1", "--figures needs --motion"),
+    ] {
+        program.refused(&[&build[..], &[option, minutes]].concat(), &[words]);
+    }
+    assert!(!program.path("data.safetensors").exists());
+}

@@ -76,6 +76,7 @@ fn evaluations_that_cannot_be_made_are_refused() {
         (&["evaluate", "--top-p", "0"], &["top_p"]),
         (&["evaluate", "--data", "data.safetensors"], &["data.safetensors"]),
         (&["evaluate", "--data", "none.safetensors"], &["none.safetensors"]),
+        (&["evaluate", "--blind", "vote", "--motion", ".", "--seconds", "2"], &["--seconds"]),
     ] {
         program.refused(arguments, words);
     }

@@ -30,16 +30,18 @@ pub fn build(
     for clip in &clips {
         *summary.minutes.entry(kind(clip)).or_default() += clip.motion.len() as f64 / 1200.0;
     }
-    let recipe = serde_json::json!({
+    let mut recipe = serde_json::json!({
         "seed": options.seed,
         "songs_per_clip": options.songs,
         "figure_minutes": options.figures,
-        "tilted_minutes": options.tilted,
         "choreography_minutes": options.choreography,
         "music": "all music is synthetic, rendered on the beats of the motion",
         "sources": SOURCES.map(|(source, terms)| serde_json::json!({ "source": source, "terms": terms })),
         "summary": summary,
     });
+    if options.tilted > 0.0 {
+        recipe["tilted_minutes"] = options.tilted.into(); // files without it keep their bytes
+    }
     training_file::write(&options.out, &clips, &recipe)?;
     Ok(summary)
 }

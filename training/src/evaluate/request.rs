@@ -36,7 +36,7 @@ pub struct EvaluationRequest {
     /// Clips of music danced to in each repeat.
     #[arg(long, default_value_t = 8, value_name = "N")]
     pub clips: usize,
-    /// Seconds danced to each clip (20 if left out), or to each song (40).
+    /// Seconds danced to each clip or pair (20 if left out), or to each song (40).
     #[arg(long, value_name = "SECONDS")]
     pub seconds: Option<f64>,
     /// Also dance so many minutes in one go: does it die down, drift, jitter?

@@ -1,7 +1,7 @@
 //! Pairs of dances for people to vote on: `servodance evaluate --blind DIR` writes a page,
 //! `--votes DIR` scores what was voted.
 //!
-//! Both dances of a pair are to one sound and 20 s long; which side is which is drawn by the
+//! Both dances of a pair are to one sound and equally long; which side is which is drawn by the
 //! seed and stands in `key.json` alone, which the page does not read.
 
 mod bradley_terry;

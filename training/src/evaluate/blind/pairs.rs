@@ -15,7 +15,6 @@ use servodance_runtime::session::dance::open_generator;
 use servodance_types::FRAME_RATE_HZ;
 use std::path::{Path, PathBuf};
 
-const PAIR_S: f64 = 20.0;
 /// More would tire people.
 const MOST: usize = 12;
 /// Captured dance is shown where its beats meet the motion this well (F1).
@@ -37,12 +36,13 @@ pub(super) fn pairs(
 ) -> anyhow::Result<Vec<DancePair>> {
     let generator = open_generator(request.model.as_deref(), request.engine)?;
     generator.start(request.options(0))?; // an unknown style fails before the work
-    let asked = &request.by_song;
+    let (asked, seconds) = (&request.by_song, request.seconds_of_clips()?);
     let mut all = Vec::new();
     if let Some(folder) = &asked.motion {
-        let clips = captured(folder)?;
+        let clips = captured(folder, seconds)?;
         all.extend(in_parallel(clips.len(), &|share| on_progress(share / 2.0), |at| {
-            against_captured(&generator, &request.options(request.seed + at as u64), &clips[at])
+            let options = request.options(request.seed + at as u64);
+            against_captured(&generator, &options, &clips[at], seconds)
         })?);
     }
     if let (Some(weights), Some(folder)) = (&asked.against, &asked.songs) {
@@ -51,25 +51,25 @@ pub(super) fn pairs(
         let paths: Vec<PathBuf> = songs_in(folder)?.into_iter().take(MOST).collect();
         all.extend(in_parallel(paths.len(), &|share| on_progress(0.5 + share / 2.0), |at| {
             let options = request.options(request.seed + at as u64);
-            against_weights([&generator, &other], &options, &paths[at], &name)
+            against_weights([&generator, &other], &options, (&paths[at], &name), seconds)
         })?);
     }
     Ok(all)
 }
 
 /// Captured dances with a beat that are long enough, spread over the folder.
-fn captured(folder: &Path) -> anyhow::Result<Vec<(Clip, tempo::KinematicTempo)>> {
+fn captured(folder: &Path, seconds: f64) -> anyhow::Result<Vec<(Clip, tempo::KinematicTempo)>> {
     let mut usable = Vec::new();
     for entry in index::read(folder)?.iter().filter(|entry| entry.dance) {
         let clip = Clip::read_npz(entry.path(folder))?.normalised();
         let tempo = tempo::estimate(&clip).filter(|tempo| tempo.f1 >= USABLE_F1);
-        if let Some(tempo) = tempo.filter(|_| clip.duration_s() >= PAIR_S + 2.0) {
+        if let Some(tempo) = tempo.filter(|_| clip.duration_s() >= seconds + 2.0) {
             usable.push((clip, tempo));
         }
     }
     ensure!(
         !usable.is_empty(),
-        "{} holds no dance of {PAIR_S} s with a beat that can be seen",
+        "{} holds no dance of {seconds} s with a beat that can be seen",
         folder.display()
     );
     let every = usable.len().div_ceil(MOST);
@@ -82,17 +82,18 @@ fn against_captured(
     generator: &Generator,
     options: &GeneratorOptions,
     (clip, tempo): &(Clip, tempo::KinematicTempo),
+    seconds: f64,
 ) -> anyhow::Result<DancePair> {
     let (danced, grid_s) = tempo::onto_grid(clip, tempo, tempo.period_s, 0.0);
     let beats_s: Vec<f64> = grid_s.iter().map(|beat| beat + WARM_UP_S).collect();
-    let song = rendered_on(&clip.name, &beats_s, WARM_UP_S + PAIR_S + 0.2, options.seed)?;
+    let song = rendered_on(&clip.name, &beats_s, WARM_UP_S + seconds + 0.2, options.seed)?;
     let heard = hear(&song.samples, song.sample_rate_hz)?;
     let rate = f64::from(song.sample_rate_hz);
     let sound = song.samples[(WARM_UP_S * rate) as usize..].to_vec();
     Ok(DancePair {
         sound: (sound, song.sample_rate_hz),
-        generated: shown(dance(generator, options, &heard)?.poses),
-        other: shown(danced.poses),
+        generated: shown(dance(generator, options, &heard)?.poses, seconds),
+        other: shown(danced.poses, seconds),
         against: "captured".into(),
     })
 }
@@ -100,16 +101,16 @@ fn against_captured(
 fn against_weights(
     generators: [&Generator; 2],
     options: &GeneratorOptions,
-    path: &Path,
-    name: &str,
+    (path, name): (&Path, &str),
+    seconds: f64,
 ) -> anyhow::Result<DancePair> {
     let (mut samples, rate_hz) = read_sound(path)?;
-    let length = ((WARM_UP_S + PAIR_S) * f64::from(rate_hz)) as usize;
+    let length = ((WARM_UP_S + seconds) * f64::from(rate_hz)) as usize;
     ensure!(
         samples.len() >= length,
         "{}: at least {} s of music are needed",
         path.display(),
-        WARM_UP_S + PAIR_S
+        WARM_UP_S + seconds
     );
     samples.truncate(length);
     let heard = hear(&samples, rate_hz)?;
@@ -118,14 +119,14 @@ fn against_weights(
     let sound = samples[(WARM_UP_S * f64::from(rate_hz)) as usize..].to_vec();
     Ok(DancePair {
         sound: (sound, rate_hz),
-        generated: shown(dance(generators[0], options, &heard)?.poses),
-        other: shown(dance(generators[1], &other_options, &heard)?.poses),
+        generated: shown(dance(generators[0], options, &heard)?.poses, seconds),
+        other: shown(dance(generators[1], &other_options, &heard)?.poses, seconds),
         against: name.to_owned(),
     })
 }
 
-fn shown(mut poses: Vec<Pose>) -> Vec<Pose> {
-    poses.truncate((PAIR_S * FRAME_RATE_HZ) as usize);
+fn shown(mut poses: Vec<Pose>, seconds: f64) -> Vec<Pose> {
+    poses.truncate((seconds * FRAME_RATE_HZ) as usize);
     poses
 }
 
