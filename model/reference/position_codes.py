@@ -42,6 +42,12 @@ def codebooks(x, levels):
     return books
 
 
+def captured(held, split):
+    """Clips of captured dance as it was danced, of at least 5 s."""
+    whole = lambda c: held.dance[c] and not held.synthetic[c] and held.variant[c] == 0
+    return [c for c in held.of_split(split).tolist() if whole(c) and held.clip_length[c] >= 100]
+
+
 def quantised(x, books):
     left = x
     for book in books:
@@ -61,13 +67,12 @@ def main():
     books = {p: codebooks(motion[:, channels[p]], n) for p, n in zip(parts, levels)}
     for split, name in [(1, "validation"), (2, "test")]:
         errors = []
-        for c in held.of_split(split).tolist():
-            if held.dance[c] and not held.synthetic[c] and held.variant[c] == 0 and held.clip_length[c] >= 100:
-                real = held.motion[held.frames(c)]
-                near = real.clone()
-                for part, its in channels.items():
-                    near[:, its] = quantised(real[:, its], books[part])
-                errors.append((local_joints(near) - local_joints(real)).norm(dim=-1).mean(-1))
+        for c in captured(held, split):
+            real = held.motion[held.frames(c)]
+            near = real.clone()
+            for part, its in channels.items():
+                near[:, its] = quantised(real[:, its], books[part])
+            errors.append((local_joints(near) - local_joints(real)).norm(dim=-1).mean(-1))
         print(f"{name}: MPJPE {1e3 * float(torch.cat(errors).mean()):.1f} mm, {sum(levels)} codes a frame")
 
 

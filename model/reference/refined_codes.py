@@ -13,14 +13,13 @@ import math
 import sys
 
 import torch
-import torch.nn.functional as F
 
 import checkpoint
 from config import position_channels
 from data import Dataset
 from geometry import local_joints
 from losses import motion_terms
-from position_codes import codebooks
+from position_codes import captured, codebooks, quantised
 from vqvae import Decoder, VqVae
 
 ROWS, CROP, BATCH, WARM_UP, REPORT = 80_000, 96, 24, 40, 100
@@ -51,11 +50,7 @@ class Base:
         x, near = self.decoded(motion)
         vectors = [near]
         for part, its in self.channels.items():
-            left = (x - near)[:, its]
-            wanted = left.clone()
-            for book in books[part]:
-                left = left - F.embedding(book.nearest(left), book.embed)
-            vectors.append(wanted - left)
+            vectors.append(quantised((x - near)[:, its], books[part]))
         return torch.cat(vectors, -1)
 
 
@@ -87,14 +82,12 @@ def report(step, net, base, held, books):
     jerk = lambda x: local_joints(x).diff(n=3, dim=0).norm(dim=-1).mean()
     for split, name in [(1, "validation"), (2, "test")]:
         frames = apart = jerks = 0.0
-        for c in held.of_split(split).tolist():
-            captured = held.dance[c] and not held.synthetic[c] and held.variant[c] == 0
-            if captured and held.clip_length[c] >= 100:
-                real = held.motion[held.frames(c)]
-                out = net(base.inputs(real, books)[None])[0] * base.std + base.mean
-                apart += 1e3 * float((local_joints(out) - local_joints(real)).norm(dim=-1).mean()) * len(real)
-                jerks += float(jerk(out) / jerk(real)) * len(real)
-                frames += len(real)
+        for c in captured(held, split):
+            real = held.motion[held.frames(c)]
+            out = net(base.inputs(real, books)[None])[0] * base.std + base.mean
+            apart += 1e3 * float((local_joints(out) - local_joints(real)).norm(dim=-1).mean()) * len(real)
+            jerks += float(jerk(out) / jerk(real)) * len(real)
+            frames += len(real)
         print(f"{step} {name}: MPJPE {apart / frames:.1f} mm, jerk {jerks / frames:.2f} x real", flush=True)
 
 
@@ -137,8 +130,6 @@ def main():
         optimizer.step()
         if (step + 1) % REPORT == 0:
             report(step + 1, net, base, held, books)
-    if len(sys.argv) > 6:
-        torch.save({"books": books, "net": net.state_dict()}, sys.argv[6])
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ impl CodeEmbeddings {
             names.iter().map(table).collect::<Result<_, _>>()
         };
         let names = config.code_names();
-        let earlier = config.parts.len().min(names.len() - 1);
+        let earlier = config.parts.len().min(names.len().saturating_sub(1));
         Ok(Self {
             previous: tables("embed", &names)?,
             chosen: tables("given", &names[..earlier])?,
