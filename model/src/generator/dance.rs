@@ -12,6 +12,7 @@ use super::motion_size::MotionSize;
 use super::options::{AtEnd, GeneratorOptions};
 use super::phrases::Phrases;
 use super::smooth_motion::SmoothMotion;
+use super::speed_by_music::SpeedByMusic;
 use super::stall::StallDetector;
 use super::standing_feet::StandingFeet;
 use super::style_by_phrase::StyleByPhrase;
@@ -57,6 +58,7 @@ pub struct Dance {
     /// In a medley.
     by_phrase: Option<StyleByPhrase>,
     phrases: Phrases,
+    speed: SpeedByMusic,
     stall: StallDetector,
 }
 
@@ -98,6 +100,7 @@ impl Dance {
             style_vector: options.style_vector.clone(),
             by_phrase,
             phrases: Phrases::default(),
+            speed: SpeedByMusic::default(),
             stall: StallDetector::default(),
             options,
             networks,
@@ -130,6 +133,7 @@ impl Dance {
         if self.phrases.observe(music) {
             self.begin_phrase();
         }
+        self.speed.observe(music.beat, self.phrases.level_db(), &self.options);
         let team = networks.engine.pool().team();
         self.next_codes(&networks.seq, &team)?;
         let normalised = networks.decoder.step(&team, &mut self.decoder, &self.codes)?;
@@ -226,6 +230,7 @@ impl Dance {
             self.apply_style();
         }
         self.codes = self.networks.starting_codes(self.style, &mut self.sampler);
+        self.speed = SpeedByMusic::default();
         self.size = MotionSize::default();
         self.smooth = SmoothMotion::default();
         self.chain();
@@ -329,6 +334,7 @@ impl Dance {
         // What is left of a part says nothing of the figure.
         if index < self.networks.config.parts.len() {
             self.discourage(index);
+            self.speed.favour(self.networks.code_speeds.of(index), &mut self.logits);
         }
         let drawn = self.sampler.draw(&self.logits);
         drawn.ok_or(ModelError::Diverged { frame: self.frames })

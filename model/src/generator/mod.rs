@@ -6,13 +6,17 @@
 //! not finite is replaced by the last good frame and counted. A step allocates
 //! nothing, but takes a millisecond: not for a motor control thread.
 
+mod average;
+mod code_speeds;
 mod dance;
 mod floor;
 mod likelihood;
+mod loudness;
 mod motion_size;
 mod options;
 mod phrases;
 mod smooth_motion;
+mod speed_by_music;
 mod stall;
 mod standing_feet;
 mod style_by_phrase;
@@ -30,6 +34,7 @@ use crate::sampling::Sampler;
 use crate::vqvae::VqDecoder;
 use crate::weights::{BUILT_IN, Weights};
 
+use self::code_speeds::CodeSpeeds;
 use self::style_by_phrase::StyleByPhrase;
 pub use dance::Dance;
 pub use likelihood::Likelihood;
@@ -38,6 +43,9 @@ pub use style_by_phrase::MEDLEY;
 
 /// Normalised features are clamped to this many deviations, except the beat.
 const MUSIC_CLAMP: f32 = 6.0;
+
+/// Bytes of weights to read at most for the speeds of all codes.
+const MOST_MEASURED_BYTES: u64 = 16 << 30;
 
 /// The trained networks; start as many dances from it as you like.
 #[derive(Clone, Debug)]
@@ -62,6 +70,7 @@ pub(crate) struct Networks {
     /// Codes to begin from, and the style each was seen in.
     start_codes: Vec<Vec<usize>>,
     start_styles: Vec<usize>,
+    code_speeds: CodeSpeeds,
 }
 
 impl Generator {
@@ -122,7 +131,7 @@ impl Generator {
             default_style = styles.len();
             styles.push(MEDLEY.to_owned());
         }
-        let networks = Networks {
+        let mut networks = Networks {
             styles,
             decoder: VqDecoder::load(&w, &engine)?,
             seq: MotionSeq::load(&w, &engine)?,
@@ -135,8 +144,10 @@ impl Generator {
             start_styles,
             provenance: w.provenance().to_owned(),
             default_style,
+            code_speeds: CodeSpeeds::default(),
             config,
         };
+        networks.code_speeds = networks.measured_code_speeds()?;
         let networks = Arc::new(networks);
         Ok(Self { networks })
     }
@@ -186,6 +197,20 @@ impl Generator {
 }
 
 impl Networks {
+    /// Twenty milliseconds with the built-in weights; none of decoders of the paper's size, which
+    /// would take half a minute.
+    fn measured_code_speeds(&self) -> Result<CodeSpeeds, ModelError> {
+        if self.decoder.bytes() as u64 * self.config.codes as u64 > MOST_MEASURED_BYTES {
+            return Ok(CodeSpeeds::default());
+        }
+        let team = self.engine.pool().team();
+        let mut state = self.decoder.start();
+        CodeSpeeds::measure(&self.config, |row| {
+            state.restart();
+            Ok(self.pose_vector(self.decoder.step(&team, &mut state, row)?))
+        })
+    }
+
     fn style_index(&self, name: &str) -> Result<usize, ModelError> {
         style_index(&self.styles, name)
     }

@@ -3,6 +3,8 @@
 //! One factor multiplies steps and the distance of the whole body from the mean pose, so that a
 //! foot that stands still stands still. Causal, allocates nothing.
 
+use super::average::Average;
+use super::loudness::Loudness;
 use crate::motion::representation::{CONTACTS_AT, JOINTS_AT, PoseVector, STEPS_AT};
 
 /// Share of the newest frame in the loudness of now: two seconds, for a size that changed within
@@ -10,31 +12,24 @@ use crate::motion::representation::{CONTACTS_AT, JOINTS_AT, PoseVector, STEPS_AT
 const LOUDNESS_SHARE: f32 = 0.025;
 /// Share of the newest frame in the speed of now: half a second.
 const SPEED_SHARE: f32 = 0.1;
-/// Frames over which the usual loudness and speed are averaged: half a minute.
-const USUAL_FRAMES: f32 = 600.0;
-/// Differences of loudness that are hardly heard, decibels.
-const LEAST_SPREAD_DB: f32 = 1.5;
 /// Size added for a loudness of one usual spread above the usual.
 const PER_SPREAD: f32 = 0.35;
 /// A dancer who is slower than this stands, metres a frame.
 const LEAST_STEP_M: f32 = 1e-3;
 const SMALLEST: f32 = 0.5;
-const LARGEST: f32 = 1.4;
+const LARGEST: f32 = 1.22;
 
 /// Follows the loudness of the music and the speed of one dance.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct MotionSize {
-    frames: f32,
-    loudness_db: Average,
+    loudness: Loudness,
     step_m: Average,
-    variance_db2: f32,
 }
 
-/// The value of now and the usual one.
-#[derive(Clone, Copy, Debug, Default)]
-struct Average {
-    now: f32,
-    usual: f32,
+impl Default for MotionSize {
+    fn default() -> Self {
+        Self { loudness: Loudness::new(LOUDNESS_SHARE), step_m: Average::new(SPEED_SHARE) }
+    }
 }
 
 impl MotionSize {
@@ -45,32 +40,19 @@ impl MotionSize {
         &mut self,
         vector: PoseVector,
         mean: &[f32],
-        loudness_db: f32,
+        level_db: f32,
         strength: f32,
     ) -> PoseVector {
-        self.frames = (self.frames + 1.0).min(USUAL_FRAMES);
-        let share = self.frames.recip();
-        self.loudness_db.push(loudness_db, LOUDNESS_SHARE, share);
-        self.step_m.push(mean_step_m(&vector), SPEED_SHARE, share);
-        let off_db = self.loudness_db.now - self.loudness_db.usual;
-        self.variance_db2 += (off_db * off_db - self.variance_db2) * share;
+        self.loudness.push(level_db);
+        self.step_m.push(mean_step_m(&vector));
         sized(vector, mean, self.size(strength))
     }
 
     fn size(&self, strength: f32) -> f32 {
-        let spread_db = self.variance_db2.sqrt().max(LEAST_SPREAD_DB);
-        let louder = (self.loudness_db.now - self.loudness_db.usual) / spread_db;
+        let louder = self.loudness.above_usual();
         let slower = (self.step_m.usual + LEAST_STEP_M) / (self.step_m.now + LEAST_STEP_M);
         let size = slower.powf(strength.min(1.0)) * (1.0 + PER_SPREAD * strength * louder);
         if strength > 0.0 { size.clamp(SMALLEST, LARGEST) } else { 1.0 }
-    }
-}
-
-impl Average {
-    /// `usual_share` is that of the newest frame among all, until the averages have their lengths.
-    fn push(&mut self, value: f32, now_share: f32, usual_share: f32) {
-        self.now += (value - self.now) * usual_share.max(now_share);
-        self.usual += (self.now - self.usual) * usual_share;
     }
 }
 

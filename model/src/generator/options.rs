@@ -39,8 +39,13 @@ pub struct GeneratorOptions {
     /// How much likelier a code gets that came a bar before in the same phrase, 0 (not at all)
     /// to 20. `variety` counts half within a phrase.
     pub bar_repeat: f32,
-    /// How much larger the motion gets in loud music and smaller in soft, 0 (not at all) to 2.
+    /// How much larger and faster the motion gets in loud music, smaller and slower in soft, 0
+    /// (not at all) to 2.
     pub dynamics: f32,
+    /// How much the motion slows down on beats and is fast between them, beyond what the model
+    /// learned, 0 (not at all) to 5: the difference of the logits of a code whose speed is one
+    /// standard deviation from the mean. Decoders of the paper's size go without.
+    pub beat_emphasis: f32,
     /// Classifier-free guidance, away from a dance to no music in no style: 1 is off, above 1
     /// follows music and style more and takes some more time.
     pub guidance: f32,
@@ -61,6 +66,7 @@ impl Default for GeneratorOptions {
             variety: 9.0,
             bar_repeat: 3.5,
             dynamics: 1.0,
+            beat_emphasis: 0.7,
             guidance: 1.5,
             at_end: AtEnd::Chain,
         }
@@ -81,6 +87,7 @@ impl GeneratorOptions {
             ("variety", self.variety, 0.0..=20.0, "0 to 20"),
             ("bar_repeat", self.bar_repeat, 0.0..=20.0, "0 to 20"),
             ("dynamics", self.dynamics, 0.0..=2.0, "0 to 2"),
+            ("beat_emphasis", self.beat_emphasis, 0.0..=5.0, "0 to 5"),
         ];
         for (option, found, range, expected) in ranges {
             if !range.contains(&found) {

@@ -228,3 +228,26 @@ proptest! {
         }
     }
 }
+
+/// Mean speed of the built-in dance on beats, in shares of that halfway between them.
+fn speed_on_beats(beat_emphasis: f32) -> f32 {
+    let options = GeneratorOptions { beat_emphasis, ..GeneratorOptions::default() };
+    let frames = frames(Generator::built_in().unwrap().start(options).unwrap(), 600);
+    let step_m = |pair: &[MotionFrame]| -> f32 {
+        let joints = pair[0].positions.iter().zip(&pair[1].positions);
+        joints.map(|(a, b)| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt()).sum()
+    };
+    let mut on_and_between_m = [0.0; 2];
+    for (k, pair) in frames.windows(2).enumerate() {
+        let phase = music(k).beat.phase;
+        let between = usize::from((0.25..0.75).contains(&phase));
+        on_and_between_m[between] += step_m(pair);
+    }
+    on_and_between_m[0] / on_and_between_m[1]
+}
+
+#[test]
+fn emphasised_beats_are_danced_slower_than_what_lies_between() {
+    let [plain, emphasised] = [0.0, 3.0].map(speed_on_beats);
+    assert!(emphasised < 0.9 * plain, "{emphasised} {plain}");
+}

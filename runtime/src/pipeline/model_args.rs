@@ -86,10 +86,14 @@ pub struct SamplingArgs {
     /// not at all, up to 20; usually 3.5.
     #[arg(long, value_name = "B")]
     pub bar_repeat: Option<f32>,
-    /// How much larger loud music is danced and how much smaller soft music: 0 not at all, up to
-    /// 2; usually 1.
+    /// How much larger and faster loud music is danced, smaller and slower soft music: 0 not at
+    /// all, up to 2; usually 1.
     #[arg(long, value_name = "D")]
     pub dynamics: Option<f32>,
+    /// How much the dance slows down on beats and hurries between them, beyond what the model
+    /// learned: 0 not at all, up to 5; usually 0.7.
+    #[arg(long, value_name = "E")]
+    pub beat_emphasis: Option<f32>,
     /// How much music and style count: 1 as the model says, above it more; usually 1.5.
     #[arg(long, value_name = "G")]
     pub guidance: Option<f32>,
@@ -107,6 +111,7 @@ impl SamplingArgs {
             variety: self.variety.unwrap_or(usual.variety),
             bar_repeat: self.bar_repeat.unwrap_or(usual.bar_repeat),
             dynamics: self.dynamics.unwrap_or(usual.dynamics),
+            beat_emphasis: self.beat_emphasis.unwrap_or(usual.beat_emphasis),
             guidance: self.guidance.unwrap_or(usual.guidance),
             ..usual
         }
