@@ -5,6 +5,7 @@ use servodance_types::{Beat, MotionFrame, MusicFrame, SPECTRAL_DIM};
 
 use super::{TINY, check_same, decoded, decoded_at_once};
 use crate::engine::EngineKind;
+use crate::motion::{Pose, mean_joint_speed};
 use crate::weights::Weights;
 use crate::{AtEnd, Dance, Generator, GeneratorOptions, ModelError};
 
@@ -230,20 +231,16 @@ proptest! {
 }
 
 /// Mean speed of the built-in dance on beats, in shares of that halfway between them.
-fn speed_on_beats(beat_emphasis: f32) -> f32 {
+fn speed_on_beats(beat_emphasis: f32) -> f64 {
     let options = GeneratorOptions { beat_emphasis, ..GeneratorOptions::default() };
     let frames = frames(Generator::built_in().unwrap().start(options).unwrap(), 600);
-    let step_m = |pair: &[MotionFrame]| -> f32 {
-        let joints = pair[0].positions.iter().zip(&pair[1].positions);
-        joints.map(|(a, b)| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt()).sum()
-    };
-    let mut on_and_between_m = [0.0; 2];
-    for (k, pair) in frames.windows(2).enumerate() {
-        let phase = music(k).beat.phase;
-        let between = usize::from((0.25..0.75).contains(&phase));
-        on_and_between_m[between] += step_m(pair);
+    let poses: Vec<Pose> = frames.iter().map(|frame| frame.positions).collect();
+    let mut on_and_between = [0.0; 2];
+    for (k, speed) in mean_joint_speed(&poses, 20.0).into_iter().enumerate() {
+        let between = usize::from((0.25..0.75).contains(&music(k).beat.phase));
+        on_and_between[between] += speed;
     }
-    on_and_between_m[0] / on_and_between_m[1]
+    on_and_between[0] / on_and_between[1]
 }
 
 #[test]
