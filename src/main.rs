@@ -4,6 +4,7 @@
 //! usage; 130: stopped by Ctrl-C (torque is off, files are whole).
 
 use clap::Parser;
+use clap::error::ErrorKind;
 use servodance::cli::{Cli, INTERRUPTED};
 use servodance_runtime::process::console::{self, stderr_line};
 use servodance_runtime::process::interrupted::Interrupted;
@@ -15,12 +16,25 @@ const WRONG_USAGE: u8 = 2;
 
 fn main() -> ExitCode {
     console::report_panics_in_one_line();
-    let ended = Cli::parse().run().unwrap_or_else(|error| told(&error));
+    let ended = match Cli::try_parse() {
+        Ok(cli) => cli.run().unwrap_or_else(|error| told(&error)),
+        Err(error) => misused(&error),
+    };
     if console::output_is_cut() {
         stderr_line!("error: standard output could not be written: what stands there is cut");
         return ExitCode::FAILURE;
     }
     ended
+}
+
+/// Prints what is wrong with the command line; a value that is refused in one line, like any
+/// other bad input.
+fn misused(error: &clap::Error) -> ExitCode {
+    if error.kind() != ErrorKind::ValueValidation {
+        error.exit();
+    }
+    stderr_line!("{}", error.to_string().lines().next().unwrap_or_default());
+    ExitCode::from(WRONG_USAGE)
 }
 
 /// Prints an error; its exit code.

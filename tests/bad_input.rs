@@ -73,7 +73,7 @@ fn a_robot_without_feet_is_not_put_on_a_floor() {
 #[test]
 fn an_unknown_style_lists_the_known_ones() {
     let program = Program::new();
-    program.refused(&dance(&["--style", "polka"]), &["polka", "salsa"]);
+    program.misused(&dance(&["--style", "polka"]), &["polka", "salsa"]);
 }
 
 #[test]

@@ -65,6 +65,20 @@ fn an_export_of_nothing_is_wrong_usage() {
 }
 
 #[test]
+fn a_value_that_is_refused_is_wrong_usage_in_one_line() {
+    let program = Program::new();
+    for (arguments, words) in [
+        (&["bench", "world", "--songs", "0"][..], ["--songs", "1 to 10000"]),
+        (&["song", "--out", "song.mp3"], ["song.mp3", "call it song.wav"]),
+        (&["dance", "-", "--pcm-rate", "1"], ["--pcm-rate", "8000 to 384000"]),
+        (&["getup", "--stand", "nan"], ["--stand", "0 to 3600"]),
+        (&["soak", "--piece", "x"], ["--piece", "5 to 3600"]),
+    ] {
+        program.misused(arguments, &words);
+    }
+}
+
+#[test]
 fn the_doctor_measures_and_says_what_to_do() {
     let program = Program::new();
     let output = program.run(&["doctor", "--robot", "neck", "--json"]);

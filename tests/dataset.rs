@@ -126,15 +126,19 @@ fn joints_can_be_told() {
 #[test]
 fn imports_that_cannot_be_made_are_refused() {
     let (program, _) = dancer();
+    let import = ["dataset", "import", "--out", "data"];
     for (arguments, words) in [
-        (&["npz", "in", "--style", "polka"][..], &["polka", "hype"][..]),
-        (&["npz", "in", "--source", "a/b"], &["--source", "a/b"]),
-        (&["npz", "in", "--fps", "nan"], &["--fps"]),
+        (["npz", "in", "--style", "polka"], ["polka", "hype"]),
+        (["npz", "in", "--fps", "nan"], ["--fps", "1 to 1000"]),
+    ] {
+        program.misused(&[&import[..], &arguments].concat(), &words);
+    }
+    for (arguments, words) in [
+        (&["npz", "in", "--source", "a/b"][..], &["--source", "a/b"][..]),
         (&["npz", "nowhere"], &["nowhere"]),
         (&["amc", "in"], &["in", ".amc"]),
         (&["npz", "in", "--music", "in"], &["--music", "wav"]),
     ] {
-        let import = ["dataset", "import", "--out", "data"];
         program.refused(&[&import[..], arguments].concat(), words);
     }
     program.refused(&["dataset", "report", "in"], &["index.csv"]);
@@ -144,9 +148,10 @@ fn imports_that_cannot_be_made_are_refused() {
 fn minutes_to_build_are_numbers_and_need_their_motion() {
     let program = Program::new();
     let build = ["dataset", "build", "data.safetensors"];
+    for (option, minutes) in [("--choreography", "nan"), ("--tilted", "inf")] {
+        program.misused(&[&build[..], &[option, minutes]].concat(), &[option, "0 to 10000"]);
+    }
     for (option, minutes, words) in [
-        ("--choreography", "nan", "--choreography NaN is outside 0..10000"),
-        ("--tilted", "inf", "--tilted inf is outside 0..10000"),
         ("--tilted", "1", "--tilted needs --motion"),
         ("--figures", "1", "--figures needs --motion"),
     ] {

@@ -70,15 +70,16 @@ fn evaluations_that_cannot_be_made_are_refused() {
     let program = Program::new();
     std::fs::write(program.path("data.safetensors"), "no tensors").unwrap();
     for (arguments, words) in [
-        (&["evaluate", "--repeats", "1"][..], &["--repeats", "2..1000"][..]),
+        (&["evaluate", "--repeats", "1"][..], &["--repeats", "2 to 1000"][..]),
         (&["evaluate", "--seconds", "nan"], &["--seconds"]),
         (&["evaluate", "--style", "polka"], &["polka", "hype"]),
         (&["evaluate", "--top-p", "0"], &["top_p"]),
-        (&["evaluate", "--data", "data.safetensors"], &["data.safetensors"]),
-        (&["evaluate", "--data", "none.safetensors"], &["none.safetensors"]),
         (&["evaluate", "--blind", "vote", "--motion", ".", "--seconds", "2"], &["--seconds"]),
     ] {
-        program.refused(arguments, words);
+        program.misused(arguments, words);
+    }
+    for file in ["data.safetensors", "none.safetensors"] {
+        program.refused(&["evaluate", "--data", file], &[file]);
     }
 }
 

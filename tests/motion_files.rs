@@ -56,14 +56,19 @@ fn motion_that_cannot_be_made_is_refused() {
     let program = Program::new();
     program.click_track("clicks.wav", 2.0, 120.0);
     std::fs::write(program.path("text.npz"), "no archive").unwrap();
+    let generate = ["generate", "clicks.wav", "--out"];
     for (arguments, words) in [
-        (&["generate", "clicks.wav", "--out", "a.txt"][..], &["a.txt", ".npz", ".bvh"][..]),
-        (&["generate", "clicks.wav", "--out", "a.npz", "--seconds", "inf"], &["--seconds"]),
+        (&["a.txt"][..], &["a.txt", ".npz", ".bvh"][..]),
+        (&["a.npz", "--seconds", "inf"], &["--seconds"]),
+        (&["a.npz", "--lookahead", "9"], &["--lookahead", "0 to 5"]),
+    ] {
+        program.misused(&[&generate, arguments].concat(), words);
+    }
+    for (arguments, words) in [
         (
-            &["generate", "clicks.wav", "--out", "a.npz", "--lookahead", "9"],
-            &["--lookahead", "0..5"],
+            &["generate", "clicks.wav", "--out", "a.npz", "--start", "text.npz"][..],
+            &["text.npz"][..],
         ),
-        (&["generate", "clicks.wav", "--out", "a.npz", "--start", "text.npz"], &["text.npz"]),
         #[cfg(feature = "train")]
         (&["reconstruct", "text.npz", "--out", "a.npz"], &["text.npz"]),
         #[cfg(feature = "train")]

@@ -71,15 +71,16 @@ fn what_cannot_be_retargeted_is_refused_in_one_line() {
     let program = Program::new();
     std::fs::write(program.path("bad.bvh"), "HIERARCHY\nROOT\n").unwrap();
     std::fs::write(program.path("bad.pkl"), b"\x80\x04K\x01.").unwrap();
-    for (motion, out, words) in [
-        ("nowhere.bvh", "a.csv", "nowhere.bvh"),
-        ("bad.bvh", "a.csv", "bad.bvh: line 2"),
-        ("bad.pkl", "a.csv", "no dictionary"),
-        ("bad.fbx", "a.csv", ".npz (22 joints), .bvh, .pkl"),
-        ("bad.bvh", "a.txt", ".csv or .mcap"),
+    let retarget = |motion, out| {
+        ["retarget", motion, "--robot", "torso13", "--out", out, "--report", "r.json"]
+    };
+    for (motion, words) in [
+        ("nowhere.bvh", "nowhere.bvh"),
+        ("bad.bvh", "bad.bvh: line 2"),
+        ("bad.pkl", "no dictionary"),
+        ("bad.fbx", ".npz (22 joints), .bvh, .pkl"),
     ] {
-        let arguments =
-            ["retarget", motion, "--robot", "torso13", "--out", out, "--report", "r.json"];
-        program.refused(&arguments, &[words]);
+        program.refused(&retarget(motion, "a.csv"), &[words]);
     }
+    program.misused(&retarget("bad.bvh", "a.txt"), &[".csv or .mcap"]);
 }

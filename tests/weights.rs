@@ -176,13 +176,16 @@ fn bench_model_tells_its_figures_as_json() {
 fn bench_model_refuses_what_it_cannot_measure() {
     let program = program();
     let bench = ["bench", "model", "--preset"];
+    let misused = |more: &[&str], words: &[&str]| {
+        program.misused(&[&bench[..], more].concat(), words);
+    };
     let refused = |more: &[&str], words: &[&str]| {
         program.refused(&[&bench[..], more].concat(), words);
     };
     refused(&["huge"], &["huge", "live, paper, tiny"]);
-    refused(&["tiny", "--context", "0"], &["--context 0", "1..4096"]);
-    refused(&["tiny", "--frames", "0"], &["--frames 0"]);
-    refused(&["tiny", "--threads", "0"], &["threads", "0", "1 to 64"]);
+    misused(&["tiny", "--context", "0"], &["--context", "1 to 4096"]);
+    misused(&["tiny", "--frames", "0"], &["--frames"]);
+    misused(&["tiny", "--threads", "0"], &["threads", "0", "1 to 64"]);
     let file = "tiny.safetensors";
     refused(&["live", "--model", file], &["preset is `tiny`", "`live`"]);
     refused(&["tiny", "--model", file, "--context", "9"], &["--context"]);

@@ -79,12 +79,13 @@ pub struct Args {
     pub gif: Option<PathBuf>,
     /// Sample rate of raw PCM on standard input, hertz.
     #[arg(long, default_value_t = 48_000, value_name = "HZ")]
+    #[arg(value_parser = within(8_000..=384_000_u32))]
     pub pcm_rate: u32,
     /// Sample format of raw PCM on standard input.
     #[arg(long, default_value = "s16le", value_name = "u8|s16le|s24le|s32le|f32le")]
     pub pcm_format: PcmEncoding,
     /// Channels of raw PCM on standard input, interleaved.
-    #[arg(long, default_value_t = 1, value_name = "N")]
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = within(1..=16_u16))]
     pub pcm_channels: u16,
     /// Play the song in step with the robot: through the default loudspeaker, or one named
     /// here. In real time.
@@ -296,19 +297,11 @@ fn audio_choice(args: &Args) -> anyhow::Result<AudioChoice> {
     }
     match &args.audio {
         None => Ok(AudioChoice::BuiltIn),
-        Some(path) if path.as_os_str() == "-" => {
-            if !(8_000..=384_000).contains(&args.pcm_rate) {
-                bail!("--pcm-rate {} is outside 8000..384000", args.pcm_rate);
-            }
-            if !(1..=16).contains(&args.pcm_channels) {
-                bail!("--pcm-channels {} is outside 1..16", args.pcm_channels);
-            }
-            Ok(AudioChoice::Stdin(PcmFormat {
-                encoding: args.pcm_format,
-                sample_rate_hz: args.pcm_rate,
-                channels: args.pcm_channels,
-            }))
-        }
+        Some(path) if path.as_os_str() == "-" => Ok(AudioChoice::Stdin(PcmFormat {
+            encoding: args.pcm_format,
+            sample_rate_hz: args.pcm_rate,
+            channels: args.pcm_channels,
+        })),
         Some(path) => Ok(AudioChoice::File(path.clone())),
     }
 }

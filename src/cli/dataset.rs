@@ -108,16 +108,6 @@ fn run_report(args: ReportArgs) -> anyhow::Result<ExitCode> {
 }
 
 fn run_build(BuildArgs { options }: BuildArgs) -> anyhow::Result<ExitCode> {
-    let asked = [
-        ("figures", options.figures),
-        ("tilted", options.tilted),
-        ("choreography", options.choreography),
-    ];
-    for (name, minutes) in asked {
-        if !(0.0..=10_000.0).contains(&minutes) {
-            bail!("--{name} {minutes} is outside 0..10000");
-        }
-    }
     if options.figures > 0.0 && options.motion.is_none() {
         bail!("--figures needs --motion: figures are cut from captured dance");
     }

@@ -21,7 +21,7 @@ pub struct Args {
     #[command(flatten)]
     pub role: RoleArgs,
     /// Stand at rest after so many seconds alone.
-    #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
+    #[arg(long, default_value_t = 60.0, value_name = "SECONDS", value_parser = within(0.0..=1e6))]
     pub rest_after: f64,
     /// Be seen by ROS 2 as a node with joint states, joint commands and the
     /// skeleton that is followed.
@@ -66,9 +66,6 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     use servodance_runtime::process::console::stderr_line;
     use servodance_runtime::session::led_dance::FollowConfig;
 
-    if !(0.0..=1e6).contains(&args.rest_after) {
-        anyhow::bail!("--rest-after {} is outside 0 to 1000000", args.rest_after);
-    }
     let robot = args.rig.robot.load()?;
     let name = args.name.unwrap_or_else(|| robot.name.clone());
     if !servodance_stage::messages::is_valid_name(&name) {

@@ -20,12 +20,11 @@ pub struct Args {
     #[arg(long, value_name = "front|back")]
     pub lying: Option<Lying>,
     /// How long it stands before torque goes off: then hold it.
-    #[arg(long, default_value_t = 5.0, value_name = "S")]
+    #[arg(long, default_value_t = 5.0, value_name = "S", value_parser = within(0.0..=3600.0))]
     pub stand: f64,
 }
 
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    anyhow::ensure!((0.0..=3600.0).contains(&args.stand), "--stand is outside 0..3600");
     let robot = args.robot.load()?;
     let buses = bus_choice::choose(&robot, &args.bus)?;
     let speed = match buses.iter().all(|choice| *choice == BusChoice::Sim) {

@@ -18,6 +18,7 @@ pub struct Args {
     #[arg(long, default_value = "sim", value_name = "BUS")]
     pub bus: Vec<String>,
     #[arg(help = "Clicks to send", long, default_value_t = 8, value_name = "N")]
+    #[arg(value_parser = within(1..=1000_u32))]
     pub clicks: u32,
     /// Print one JSON object.
     #[arg(long)]
@@ -25,9 +26,6 @@ pub struct Args {
 }
 
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    if !(1..=1000).contains(&args.clicks) {
-        bail!("--clicks {} is outside 1..1000", args.clicks);
-    }
     let robot = args.robot.load()?;
     let buses: Vec<BusChoice> = choose_buses(&robot, &args.bus)?;
     let stop = stop_signal()?;

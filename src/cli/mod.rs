@@ -67,6 +67,7 @@ mod prelude {
     pub(super) use anyhow::bail;
     pub(super) use servodance_runtime::bus_tools::{Consent, ProtocolChoice};
     pub(super) use servodance_runtime::process::console::{stderr_line, stdout, stdout_line};
+    pub(super) use servodance_runtime::process::number_range::within;
     pub(super) use servodance_runtime::process::progress::Progress;
     pub(super) use servodance_runtime::process::wrong_usage::WrongUsage;
     pub(super) use servodance_runtime::robot::Robot;

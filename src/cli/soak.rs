@@ -16,12 +16,13 @@ pub struct Args {
     #[arg(value_name = "AUDIO")]
     pub audio: Vec<PathBuf>,
     #[arg(help = "Minutes of music", long, default_value_t = 60.0, value_name = "MINUTES")]
+    #[arg(value_parser = within(0.1..=100_000.0))]
     pub minutes: f64,
     /// Seconds of music of one dance.
-    #[arg(long, default_value_t = 120.0, value_name = "SECONDS")]
+    #[arg(long, default_value_t = 120.0, value_name = "SECONDS", value_parser = within(5.0..=3600.0))]
     pub piece: f64,
     /// Seconds between two faults, on average.
-    #[arg(long, default_value_t = 40.0, value_name = "SECONDS")]
+    #[arg(long, default_value_t = 40.0, value_name = "SECONDS", value_parser = within(0.1..=1e6))]
     pub fault_every: f64,
     #[command(flatten)]
     pub robot: RobotFileArgs,
@@ -40,15 +41,6 @@ pub struct Args {
 
 /// Soaks; fails if anything was as it must not be.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    for (option, value, range) in [
-        ("--minutes", args.minutes, 0.1..=100_000.0),
-        ("--piece", args.piece, 5.0..=3600.0),
-        ("--fault-every", args.fault_every, 0.1..=1e6),
-    ] {
-        if !range.contains(&value) {
-            bail!("{option} {value} is outside {} to {}", range.start(), range.end());
-        }
-    }
     let report = args.report.as_deref().map(PendingFile::create);
     drop(report.transpose()?); // only to learn early whether it can be written
     let soak = Soak {

@@ -1,5 +1,6 @@
 //! `servodance song`.
 
+use crate::cli::options::file_ending::file_of;
 use crate::cli::prelude::*;
 use servodance_runtime::offline::song_file::write_demo;
 
@@ -9,7 +10,7 @@ const EXAMPLES: &str = include_str!("examples/song.txt").trim_ascii_end();
 #[command(after_help = EXAMPLES)]
 pub struct Args {
     /// The file to write.
-    #[arg(long, default_value = "servodance-song.wav", value_name = "FILE.wav")]
+    #[arg(long, default_value = "servodance-song.wav", value_name = "FILE.wav", value_parser = file_of("wav"))]
     pub out: PathBuf,
 }
 

@@ -19,6 +19,7 @@ use servodance_model::motionseq::MotionSeq;
 use servodance_model::vqvae::VqDecoder;
 use servodance_model::weights::Weights;
 use servodance_runtime::pipeline::model_args::EngineArgs;
+use servodance_runtime::process::number_range::within;
 
 const WARM_UP: usize = 10;
 /// How long bandwidth is measured, before and after.
@@ -39,14 +40,14 @@ pub struct ModelBench {
     #[command(flatten)]
     pub engine: EngineArgs,
     /// Frames of past that every layer sees; the preset's own if left out.
-    #[arg(long, value_name = "FRAMES")]
+    #[arg(long, value_name = "FRAMES", value_parser = within(1..=CONTEXT_MAX))]
     pub context: Option<usize>,
     /// The frame from which on time is taken; 36000 is minute 30. With a full
     /// context if left out.
     #[arg(long, value_name = "FRAME")]
     pub position: Option<u64>,
     /// How many frames are timed.
-    #[arg(long, default_value_t = 300, value_name = "N")]
+    #[arg(long, default_value_t = 300, value_name = "N", value_parser = within(1..=100_000_usize))]
     pub frames: usize,
     /// Also compute the dance without music, as guidance does.
     #[arg(long)]
@@ -89,11 +90,6 @@ pub fn run(request: &ModelBench) -> anyhow::Result<ModelBenchReport> {
         let known = PRESETS.join(", ");
         format!("unknown preset `{}`; choose one of: {known}", request.preset)
     })?;
-    anyhow::ensure!(
-        (1..=100_000).contains(&request.frames),
-        "--frames {} is outside 1..100000",
-        request.frames
-    );
     match &request.model {
         None => measure(request, Weights::random(sized(config, request.context)?)),
         Some(path) => {

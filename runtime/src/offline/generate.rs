@@ -6,8 +6,10 @@ use crate::pipeline::audio_input::{AudioChoice, AudioInput};
 use crate::pipeline::conditioning::Conditioning;
 use crate::pipeline::feature_extractor::FeatureExtractor;
 use crate::pipeline::model_args::{EngineArgs, SamplingArgs};
+use crate::process::number_range::within;
 use crate::process::progress::Progress;
 use crate::process::speed::Speed;
+use crate::process::wrong_usage::misused;
 use crate::session::dance::open_generator;
 use crate::telemetry::pending_file::{PendingFile, write_whole};
 use anyhow::{Context, bail};
@@ -44,7 +46,7 @@ pub struct GenerateRequest {
     #[arg(long, value_name = "FILE.npz|FILE.bvh")]
     pub out: PathBuf,
     /// How much motion; a recording that is shorter is played again.
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", value_parser = within(0.05..=SECONDS_MAX))]
     pub seconds: Option<f64>,
     /// The same seed and the same input give the same dance.
     #[arg(long, default_value_t = 1)]
@@ -58,6 +60,7 @@ pub struct GenerateRequest {
     /// How many seconds of music after a frame help to find the beat in it; 0
     /// is what a live robot hears.
     #[arg(long, default_value_t = 0.0, value_name = "SECONDS")]
+    #[arg(value_parser = within(0.0..=LOOKAHEAD_MAX_S))]
     pub lookahead: f64,
     /// Weights to use in place of the built-in ones.
     #[arg(long, value_name = "FILE.safetensors")]
@@ -117,7 +120,7 @@ impl MotionFormat {
         match path.extension().and_then(|e| e.to_str()) {
             Some("npz") => Ok(Self::Npz),
             Some("bvh") => Ok(Self::Bvh),
-            _ => bail!(
+            _ => misused!(
                 "{}: a motion file ends in .npz (positions) or .bvh (joint angles)",
                 path.display()
             ),
@@ -139,20 +142,12 @@ pub fn write_motion(path: &Path, clip: &Clip) -> anyhow::Result<()> {
 
 /// Generates the motion; refuses bad requests before any work is done.
 pub fn generate(request: &GenerateRequest) -> anyhow::Result<Clip> {
-    if let Some(seconds) = request.seconds
-        && !(0.05..=SECONDS_MAX).contains(&seconds)
-    {
-        bail!("--seconds {seconds} is outside 0.05..{SECONDS_MAX}");
-    }
     let choice = request.audio.clone().map_or(AudioChoice::BuiltIn, AudioChoice::File);
     generate_to(&choice, request)
 }
 
 fn generate_to(choice: &AudioChoice, request: &GenerateRequest) -> anyhow::Result<Clip> {
     let lookahead_s = request.lookahead;
-    if !(0.0..=LOOKAHEAD_MAX_S).contains(&lookahead_s) {
-        bail!("--lookahead {lookahead_s} is outside 0..{LOOKAHEAD_MAX_S}");
-    }
     let generator = open_generator(request.model.as_deref(), request.engine)?;
     let encodec = request.conditioning.encodec(&generator)?;
     let mut dance = generator.start(GeneratorOptions {

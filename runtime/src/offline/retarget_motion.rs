@@ -1,12 +1,12 @@
 //! A motion file becomes a file of joint positions, inside every limit.
 
 use crate::offline::motion_tracking::{TrackedMotion, track_motion};
+use crate::process::wrong_usage::misused;
 use crate::robot::Robot;
 use crate::telemetry::joint_csv::JointCsv;
 use crate::telemetry::pending_file::{PendingFile, write_whole};
 use crate::telemetry::recorder::{Recorder, RecordingTopic, WhenBehind};
 use crate::telemetry::report::{EffortFigures, ViolationReport};
-use anyhow::bail;
 use serde::Serialize;
 use servodance_model::motion::Clip;
 use servodance_retarget::{LimbSegment, RetargetCounts};
@@ -165,7 +165,7 @@ impl JointSink {
                 recorder.text(RecordingTopic::RobotDescription, 0.0, urdf_xml);
                 Ok(JointSink::Recording(Box::new(recorder)))
             }
-            _ => bail!("{}: joint positions go to a .csv or .mcap file", path.display()),
+            _ => misused!("{}: joint positions go to a .csv or .mcap file", path.display()),
         }
     }
 

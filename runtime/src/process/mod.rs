@@ -4,6 +4,7 @@
 pub mod console;
 pub(crate) mod failpoint;
 pub mod interrupted;
+pub mod number_range;
 pub mod progress;
 pub mod realtime;
 pub mod speed;

@@ -1,6 +1,8 @@
 //! What was asked for cannot be meant: exit code 2, as for what the command line itself
 //! refuses.
 
+use servodance_model::ModelError;
+
 /// Wrong usage, in one line for the user.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
@@ -9,7 +11,13 @@ pub struct WrongUsage(pub String);
 impl WrongUsage {
     /// Whether an error, or what it stems from, is wrong usage.
     pub fn is_in(error: &anyhow::Error) -> bool {
-        error.chain().any(|cause| cause.is::<Self>())
+        error.chain().any(|cause| {
+            let in_options = matches!(
+                cause.downcast_ref(),
+                Some(ModelError::Option { .. } | ModelError::UnknownStyle { .. })
+            );
+            cause.is::<Self>() || in_options
+        })
     }
 }
 

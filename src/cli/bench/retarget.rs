@@ -16,7 +16,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE.npz")]
     pub motion: Option<PathBuf>,
     /// Most seconds of motion.
-    #[arg(long, default_value_t = 60.0, value_name = "S")]
+    #[arg(long, default_value_t = 60.0, value_name = "S", value_parser = within(1.0..=600.0))]
     pub seconds: f64,
     /// Print one JSON object.
     #[arg(long)]
@@ -24,11 +24,6 @@ pub struct Args {
 }
 
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    anyhow::ensure!(
-        (1.0..=600.0).contains(&args.seconds),
-        "--seconds {} is outside 1..600",
-        args.seconds
-    );
     let robot = Robot::load(&args.robot)?;
     let clip = retarget_bench::motion(args.motion.as_deref(), args.seconds)?;
     let figures = retarget_bench::run(&robot, &clip)?;

@@ -1,5 +1,6 @@
 //! `servodance bench stage`.
 
+use servodance_runtime::process::number_range::within;
 use std::process::ExitCode;
 
 const EXAMPLES: &str = include_str!("../examples/bench-stage.txt").trim_ascii_end();
@@ -8,19 +9,19 @@ const EXAMPLES: &str = include_str!("../examples/bench-stage.txt").trim_ascii_en
 #[command(after_help = EXAMPLES)]
 pub struct Args {
     /// Simulated robots, each a program of its own.
-    #[arg(long, default_value_t = 4, value_name = "N")]
+    #[arg(long, default_value_t = 4, value_name = "N", value_parser = within(1..=64_usize))]
     pub followers: usize,
     /// Which robot they all are.
     #[arg(long, default_value = "neck", value_name = "NAME|FILE.toml")]
     pub robot: String,
     /// Delay of the network each way, milliseconds; a fifth of it is jitter on top.
-    #[arg(long, default_value_t = 1.0, value_name = "MS")]
+    #[arg(long, default_value_t = 1.0, value_name = "MS", value_parser = within(0.0..=500.0))]
     pub delay_ms: f64,
     /// Share of what is sent that is lost and sent again.
-    #[arg(long, default_value_t = 0.0, value_name = "SHARE")]
+    #[arg(long, default_value_t = 0.0, value_name = "SHARE", value_parser = within(0.0..=0.5))]
     pub loss: f64,
     /// Seconds that are measured before things go wrong.
-    #[arg(long, default_value_t = 30.0, value_name = "SECONDS")]
+    #[arg(long, default_value_t = 30.0, value_name = "SECONDS", value_parser = within(5.0..=3600.0))]
     pub seconds: f64,
     /// Each program in a network namespace of its own (Linux, root).
     #[arg(long)]
@@ -42,17 +43,6 @@ pub fn run(_: Args) -> anyhow::Result<ExitCode> {
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     use servodance_runtime::process::console::{stdout, stdout_line};
 
-    for (option, value, range) in [
-        ("--followers", args.followers as f64, 1.0..=64.0),
-        ("--delay-ms", args.delay_ms, 0.0..=500.0),
-        ("--loss", args.loss, 0.0..=0.5),
-        ("--seconds", args.seconds, 5.0..=3600.0),
-    ] {
-        if !range.contains(&value) {
-            let (low, high) = (range.start(), range.end());
-            anyhow::bail!("{option} {value} is outside {low} to {high}");
-        }
-    }
     servodance_runtime::robot::Robot::load(&args.robot)?;
     let stop = crate::cli::stop_signal()?;
     let figures = servodance_lab::bench::stage::bench(

@@ -18,7 +18,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE.npz", num_args = 1..)]
     pub motion: Vec<PathBuf>,
     /// Most seconds of each motion.
-    #[arg(long, default_value_t = 60.0, value_name = "S")]
+    #[arg(long, default_value_t = 60.0, value_name = "S", value_parser = within(15.0..=600.0))]
     pub seconds: f64,
     /// Print one JSON object a robot.
     #[arg(long)]
@@ -26,8 +26,6 @@ pub struct Args {
 }
 
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let in_range = (15.0..=600.0).contains(&args.seconds);
-    anyhow::ensure!(in_range, "--seconds {} is outside 15..600", args.seconds);
     let motions = match args.motion.is_empty() {
         true => vec![motion(None, args.seconds)?],
         false => {

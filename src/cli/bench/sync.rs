@@ -17,10 +17,11 @@ pub struct Args {
     #[arg(long, default_value = "op3", value_name = "NAME|FILE.toml")]
     pub robot: String,
     /// From a sample's callback until it is heard, milliseconds.
-    #[arg(long, default_value_t = 120.0, value_name = "MS")]
+    #[arg(long, default_value_t = 120.0, value_name = "MS", value_parser = within(0.0..=2000.0))]
     pub latency_ms: f64,
     /// By how many millionths the loudspeaker's clock is fast.
     #[arg(long, default_value_t = 200.0, value_name = "PPM", allow_negative_numbers = true)]
+    #[arg(value_parser = within(-1000.0..=1000.0))]
     pub drift_ppm: f64,
     /// Print one JSON object.
     #[arg(long)]
@@ -29,13 +30,6 @@ pub struct Args {
 
 /// Dances the built-in song in real time, 40 s.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    for (option, value, most) in
-        [("--latency-ms", args.latency_ms, 2000.0), ("--drift-ppm", args.drift_ppm.abs(), 1000.0)]
-    {
-        if !(0.0..=most).contains(&value) {
-            anyhow::bail!("{option} {value} is outside 0 to {most}");
-        }
-    }
     let device = SimulatedDevice {
         latency_s: args.latency_ms * 1e-3,
         drift: args.drift_ppm * 1e-6,

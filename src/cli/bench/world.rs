@@ -11,16 +11,16 @@ pub struct Args {
     #[command(flatten)]
     pub robot: RobotFileArgs,
     /// Songs to dance to, made by this program.
-    #[arg(long, default_value_t = 2, value_name = "N")]
+    #[arg(long, default_value_t = 2, value_name = "N", value_parser = within(1..=10_000_u64))]
     pub songs: u64,
     /// Dances to each song and style, with different seeds.
-    #[arg(long, default_value_t = 1, value_name = "M")]
+    #[arg(long, default_value_t = 1, value_name = "M", value_parser = within(1..=10_000_u64))]
     pub seeds: u64,
     /// Style to dance; may be given again.
     #[arg(long, value_name = "STYLE")]
     pub style: Vec<String>,
     /// Length of a dance.
-    #[arg(long, default_value_t = 60.0, value_name = "S")]
+    #[arg(long, default_value_t = 60.0, value_name = "S", value_parser = within(1.0..=600.0))]
     pub seconds: f64,
     /// Worlds to dance in: nominal, soft, firm, kp60, play, slippery, light, heavy,
     /// tilted, late, drawn, and pushed. All but the last if left out.
@@ -54,11 +54,6 @@ pub struct Args {
 }
 
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    anyhow::ensure!(
-        (1.0..=600.0).contains(&args.seconds),
-        "--seconds {} is outside 1..600",
-        args.seconds
-    );
     let robot = args.robot.load()?;
     let request = WorldBenchRequest {
         songs: args.songs,

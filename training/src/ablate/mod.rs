@@ -18,6 +18,7 @@ use crate::train::{SettingsFile, TrainedNetwork};
 use anyhow::Context;
 use row::{AblationRow, AblationScores};
 use servodance_runtime::pipeline::model_args::{EngineArgs, SamplingArgs};
+use servodance_runtime::process::number_range::within;
 use servodance_runtime::process::progress::Progress;
 use servodance_runtime::telemetry::pending_file::write_whole;
 use std::path::{Path, PathBuf};
@@ -49,10 +50,10 @@ pub struct AblationRequest {
     #[arg(long, value_name = "VARIANT")]
     pub only: Vec<String>,
     /// How often everything is danced anew.
-    #[arg(long, default_value_t = 5, value_name = "N")]
+    #[arg(long, default_value_t = 5, value_name = "N", value_parser = within(2..=1000_usize))]
     pub repeats: usize,
     /// Clips of music danced to in each repeat.
-    #[arg(long, default_value_t = 8, value_name = "N")]
+    #[arg(long, default_value_t = 8, value_name = "N", value_parser = within(2..=1000_usize))]
     pub clips: usize,
     /// Threads to train with.
     #[arg(long, value_name = "N")]

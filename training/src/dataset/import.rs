@@ -19,6 +19,8 @@ use anyhow::{Context, bail};
 use servodance_model::conditioning::{Encodec, HeardFrame, Latent};
 use servodance_model::motion::Clip;
 use servodance_model::motion::clip::MusicVector;
+use servodance_runtime::process::number_range::within;
+use servodance_runtime::process::wrong_usage::WrongUsage;
 use servodance_runtime::telemetry::pending_file::{PendingFile, write_whole};
 use servodance_types::{BodyJoint, FRAME_RATE_HZ};
 use std::collections::{BTreeMap, BTreeSet};
@@ -62,7 +64,7 @@ pub struct ImportRequest {
     #[arg(long, value_name = "FILE.toml")]
     pub mapping: Option<PathBuf>,
     /// Frames a second, in place of what the files say.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = within(1.0..=1000.0))]
     pub fps: Option<f64>,
     /// Print only errors and what was skipped.
     #[arg(long, short)]
@@ -99,15 +101,11 @@ pub fn import(
         },
         fps: request.fps,
     };
-    if let Some(fps) = request.fps
-        && !(1.0..=1000.0).contains(&fps)
-    {
-        bail!("--fps {fps} is outside 1..1000");
-    }
     if let Some(name) = request.style.as_deref()
         && style_number(name).is_none()
     {
-        bail!("--style {name}: choose one of {}", STYLES.join(", "));
+        let known = STYLES.join(", ");
+        return Err(WrongUsage(format!("--style {name}: choose one of {known}")).into());
     }
     let source = (request.source.as_deref()).unwrap_or(request.kind.name());
     if source.is_empty() || source.contains(['/', '\\', ',', '"']) || source.starts_with('.') {

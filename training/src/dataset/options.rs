@@ -1,9 +1,13 @@
 //! What a training file is built from, and what came out.
 
+use super::feature_args::FeatureArgs;
+use servodance_runtime::process::number_range::within;
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
-use super::feature_args::FeatureArgs;
+/// How much of each kind can be asked for.
+const MINUTES: RangeInclusive<f64> = 0.0..=10_000.0;
 
 /// What a training file is built from.
 #[derive(Clone, Debug, clap::Args)]
@@ -18,13 +22,13 @@ pub struct DatasetOptions {
     #[arg(long, default_value_t = 4, value_name = "N")]
     pub songs: usize,
     /// Minutes of dances to songs with sections, made of figures of the captured dance.
-    #[arg(long, default_value_t = 0.0, value_name = "MINUTES")]
+    #[arg(long, default_value_t = 0.0, value_name = "MINUTES", value_parser = within(MINUTES))]
     pub figures: f64,
     /// Minutes of captured motion turned over, down to upside down: for stage 1.
-    #[arg(long, default_value_t = 0.0, value_name = "MINUTES")]
+    #[arg(long, default_value_t = 0.0, value_name = "MINUTES", value_parser = within(MINUTES))]
     pub tilted: f64,
     /// Minutes of choreography by rules.
-    #[arg(long, default_value_t = 90.0, value_name = "MINUTES")]
+    #[arg(long, default_value_t = 90.0, value_name = "MINUTES", value_parser = within(MINUTES))]
     pub choreography: f64,
     /// Which features of the music are written.
     #[command(flatten)]

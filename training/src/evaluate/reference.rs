@@ -44,7 +44,7 @@ impl EvaluationReference {
         };
         let fresh = request.data.is_none();
         clips.retain(|clip| clip.dance && (fresh || clip.split == Split::Test));
-        let seconds = request.seconds_of_clips()?;
+        let seconds = request.seconds_of_clips();
         let frames = (seconds * FRAME_RATE_HZ) as usize;
         let held: Vec<HeldOutClip> =
             clips.iter().filter_map(|clip| excerpt(clip, frames)).collect();

@@ -3,6 +3,7 @@
 use super::songs::SongArgs;
 use servodance_model::GeneratorOptions;
 use servodance_runtime::pipeline::model_args::{EngineArgs, SamplingArgs};
+use servodance_runtime::process::number_range::within;
 use std::path::PathBuf;
 
 /// Which weights to evaluate, against which reference, how thoroughly.
@@ -31,16 +32,16 @@ pub struct EvaluationRequest {
     #[arg(long, value_name = "NAME")]
     pub style: Option<String>,
     /// How often everything is danced anew.
-    #[arg(long, default_value_t = 20, value_name = "N")]
+    #[arg(long, default_value_t = 20, value_name = "N", value_parser = within(2..=1000_usize))]
     pub repeats: usize,
     /// Clips of music danced to in each repeat.
-    #[arg(long, default_value_t = 8, value_name = "N")]
+    #[arg(long, default_value_t = 8, value_name = "N", value_parser = within(2..=1000_usize))]
     pub clips: usize,
     /// Seconds danced to each clip or pair (20 if left out), or to each song (40).
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", value_parser = within(10.0..=3600.0))]
     pub seconds: Option<f64>,
     /// Also dance so many minutes in one go: does it die down, drift, jitter?
-    #[arg(long, default_value_t = 0, value_name = "N")]
+    #[arg(long, default_value_t = 0, value_name = "N", value_parser = within(0..=1000_usize))]
     pub minutes: usize,
     /// Songs in place of clips, and judging by eye.
     #[command(flatten)]
@@ -60,21 +61,12 @@ pub struct EvaluationRequest {
 }
 
 impl EvaluationRequest {
-    pub(super) fn seconds_of_clips(&self) -> anyhow::Result<f64> {
-        self.seconds_or(20.0)
+    pub(super) fn seconds_of_clips(&self) -> f64 {
+        self.seconds.unwrap_or(20.0)
     }
 
-    pub(super) fn seconds_of_songs(&self) -> anyhow::Result<f64> {
-        self.seconds_or(40.0)
-    }
-
-    fn seconds_or(&self, usual: f64) -> anyhow::Result<f64> {
-        let seconds = self.seconds.unwrap_or(usual);
-        anyhow::ensure!(
-            (10.0..=3600.0).contains(&seconds),
-            "--seconds {seconds} is outside 10..3600"
-        );
-        Ok(seconds)
+    pub(super) fn seconds_of_songs(&self) -> f64 {
+        self.seconds.unwrap_or(40.0)
     }
 
     pub(super) fn options(&self, seed: u64) -> GeneratorOptions {

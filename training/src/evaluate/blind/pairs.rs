@@ -36,7 +36,7 @@ pub(super) fn pairs(
 ) -> anyhow::Result<Vec<DancePair>> {
     let generator = open_generator(request.model.as_deref(), request.engine)?;
     generator.start(request.options(0))?; // an unknown style fails before the work
-    let (asked, seconds) = (&request.by_song, request.seconds_of_clips()?);
+    let (asked, seconds) = (&request.by_song, request.seconds_of_clips());
     let mut all = Vec::new();
     if let Some(folder) = &asked.motion {
         let clips = captured(folder, seconds)?;

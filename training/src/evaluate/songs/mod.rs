@@ -67,8 +67,8 @@ pub fn evaluate_songs(
     folder: &Path,
     on_progress: impl Fn(f64) + Sync,
 ) -> anyhow::Result<SongEvaluation> {
-    let seconds = request.seconds_of_songs()?;
-    let seeds = request.by_song.seeds()?;
+    let seconds = request.seconds_of_songs();
+    let seeds = request.by_song.seeds.unwrap_or(2);
     let captured = match &request.by_song.motion {
         Some(folder) => {
             captured_dances(folder, seconds)?.iter().filter_map(DanceFigures::of).collect()

@@ -1,5 +1,6 @@
 //! What `servodance evaluate` is asked about songs and for people's eyes.
 
+use servodance_runtime::process::number_range::within;
 use std::path::PathBuf;
 
 /// Songs to dance to in place of clips, and what people judge.
@@ -13,7 +14,7 @@ pub struct SongArgs {
     #[arg(long, value_name = "DIR")]
     pub motion: Option<PathBuf>,
     /// Dances to each song (2 if left out).
-    #[arg(long, value_name = "N", requires = "songs")]
+    #[arg(long, value_name = "N", requires = "songs", value_parser = within(1..=100_usize))]
     pub seeds: Option<usize>,
     /// Draw contact sheets into this folder, one a song: styles beside captured dance.
     #[arg(long, value_name = "DIR", requires_all = ["songs", "motion"])]
@@ -28,12 +29,4 @@ pub struct SongArgs {
     /// Score the votes (votes*.json) that were saved into a folder of --blind.
     #[arg(long, value_name = "DIR", exclusive = true)]
     pub votes: Option<PathBuf>,
-}
-
-impl SongArgs {
-    pub(super) fn seeds(&self) -> anyhow::Result<usize> {
-        let seeds = self.seeds.unwrap_or(2);
-        anyhow::ensure!((1..=100).contains(&seeds), "--seeds {seeds} is outside 1..100");
-        Ok(seeds)
-    }
 }
