@@ -46,6 +46,6 @@ fn recordings_may_be_soaked_and_what_is_none_is_refused() {
     let summary = soak(&program, &["clicks.wav", "--minutes", "0.2"]);
     assert!(summary["music_s"].as_f64() >= Some(12.0), "{summary}");
     program.refused(&["soak", "nothing.wav", "--quiet"], &["nothing.wav"]);
-    program.refused(&["soak", "--minutes", "0"], &["--minutes 0"]);
+    program.misused(&["soak", "--minutes", "0"], &["--minutes", "0.1 to 100000"]);
     program.refused(&["soak", "--report", "no/such/folder.json"], &["no/such"]);
 }

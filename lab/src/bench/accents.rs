@@ -151,7 +151,10 @@ struct Simulated {
 impl Simulated {
     /// Retargets the frames; with `servos`, simulated ones follow.
     fn run(robot: &Robot, frames: &[MotionFrame], servos: bool) -> anyhow::Result<Self> {
-        let mut retargeter = robot.retargeter()?;
+        let mut retargeter = match servos {
+            true => robot.servo_retargeter()?,
+            false => robot.retargeter()?,
+        };
         let names: Vec<&str> = robot.servos.iter().map(|servo| servo.name.as_str()).collect();
         let likeness = LimbDirectionError::new(&robot.urdf_xml, &robot.retarget, &names)?;
         let mut buses = match servos {

@@ -322,7 +322,9 @@ impl Retargeter {
             let rest = self.rest[joint];
             let shown = rest + scale * (solved - rest);
             let before = self.before_dance[joint];
-            let aimed = tracker.plan(before + begun * (shown - before));
+            let target = before + begun * (shown - before);
+            let speed = self.limits[joint].velocity_rad_s;
+            let aimed = tracker.plan(self.feed_forward.ahead_of(joint, target, speed, self.dt_s));
             *bounds = tracker.reachable();
             *wanted = aimed.clamp(bounds.0, bounds.1);
             if self.stance.is_some() && self.limbs[joint] == Limb::Torso {

@@ -24,7 +24,7 @@ use crate::dynamics::{
     JointLoad, TorqueEstimator, TorqueReport, joint_loads, placement, rigid_links,
 };
 use crate::kinematics::{BodyMap, DrivenAncestor, JointMotion, RobotModel};
-use crate::limits::{CollisionLimit, JointTracker};
+use crate::limits::{CollisionLimit, FeedForward, JointTracker};
 use crate::solver::{ArmSearch, BodySolver, SolverScope};
 use arm_mount::arm_mount;
 use counts::RetargetCounts;
@@ -107,6 +107,7 @@ pub struct Retargeter {
     danced_s: f64,
     /// Joint positions that were asked for before the dance began, radians.
     before_dance: Vec<f64>,
+    feed_forward: FeedForward,
 }
 
 impl Retargeter {
@@ -203,6 +204,7 @@ impl Retargeter {
             counts: RetargetCounts::default(),
             danced_s: 0.0,
             before_dance: vec![0.0; limits.len()],
+            feed_forward: FeedForward::new(limits.len()),
             model,
             map,
             limits,
@@ -310,6 +312,13 @@ impl Retargeter {
     /// should, 0 to 1.
     pub fn set_caution(&mut self, share: f64) {
         self.caution = share.clamp(0.0, 1.0);
+    }
+
+    /// Sends joints that do not stand ahead by their velocity, for servos that are `lag_s` late
+    /// and make fast movements smaller. Without it, or with 0, targets are where the robot is
+    /// to be.
+    pub fn set_servo_lag(&mut self, lag_s: f64) {
+        self.feed_forward.set_servo_lag(lag_s);
     }
 
     /// Says whether the robot leans as planned: while it does not, no foot lifts for a step.
@@ -487,5 +496,6 @@ impl Retargeter {
         self.torque.restart();
         self.danced_s = 0.0;
         self.before_dance.copy_from_slice(&self.solver.positions);
+        self.feed_forward.restart();
     }
 }

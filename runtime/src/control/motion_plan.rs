@@ -24,7 +24,7 @@ pub struct MotionPlan {
 
 impl MotionPlan {
     pub fn new(robot: &Robot, options: LoopOptions) -> anyhow::Result<Self> {
-        let retargeter = robot.retargeter()?;
+        let retargeter = robot.servo_retargeter()?;
         let delays = Delays::new(robot, &retargeter);
         let live_s = matches!(options.arrival, MotionArrival::Live | MotionArrival::AsLive)
             .then_some(delays.live_s());
@@ -35,7 +35,7 @@ impl MotionPlan {
         let horizon = Horizon { preview_s: delays.limits_s, servo_lag_s: delays.servo_s, live_s };
         let steering = match options.compensation {
             true => {
-                let preview = TrajectoryPreview::new(robot.retargeter()?, robot.period_s());
+                let preview = TrajectoryPreview::new(robot.servo_retargeter()?, robot.period_s());
                 Some(BeatSteering::new(preview, horizon, robot.period_s()))
             }
             false => None,

@@ -61,7 +61,7 @@ fn frame_times_ms(
     let analyzer = MusicAnalyzer::new(song.sample_rate_hz)?;
     let mut features = FeatureExtractor::new(analyzer, song.sample_rate_hz, encodec)?;
     let mut dance = generator.start(GeneratorOptions::default())?;
-    let mut retargeter = robot.retargeter()?;
+    let mut retargeter = robot.servo_retargeter()?;
     let mut targets = retargeter.rest().to_vec();
     let block = (f64::from(song.sample_rate_hz) / FRAME_RATE_HZ) as usize;
     let blocks = (SONG_S * FRAME_RATE_HZ) as usize;

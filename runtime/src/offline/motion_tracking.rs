@@ -7,7 +7,9 @@
 use crate::robot::Robot;
 use crate::telemetry::report::ViolationReport;
 use servodance_drivers::Limiter;
-use servodance_retarget::{LimbDirectionError, LimbSegment, RetargetCounts, TorqueReport};
+use servodance_retarget::{
+    LimbDirectionError, LimbSegment, RetargetCounts, Retargeter, TorqueReport,
+};
 use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame};
 use std::time::Instant;
 
@@ -57,9 +59,18 @@ impl TrackedMotion {
 pub fn track_motion(
     robot: &Robot,
     frames: &[MotionFrame],
+    each: impl FnMut(f64, &[f64]) -> anyhow::Result<()>,
+) -> anyhow::Result<TrackedMotion> {
+    track_with(robot.retargeter()?, robot, frames, each)
+}
+
+/// The same with a retargeter of that robot.
+pub fn track_with(
+    mut retargeter: Retargeter,
+    robot: &Robot,
+    frames: &[MotionFrame],
     mut each: impl FnMut(f64, &[f64]) -> anyhow::Result<()>,
 ) -> anyhow::Result<TrackedMotion> {
-    let mut retargeter = robot.retargeter()?;
     let names: Vec<&str> = robot.servos.iter().map(|servo| servo.name.as_str()).collect();
     let likeness = LimbDirectionError::new(&robot.urdf_xml, &robot.retarget, &names)?;
     if let Some(first) = frames.first() {

@@ -91,7 +91,7 @@ pub struct StandingTrial {
 impl StandingTrial {
     /// Fails where the robot's description cannot be simulated.
     pub fn new(robot: &Robot, options: TrialOptions) -> anyhow::Result<Self> {
-        let retargeter = robot.retargeter()?;
+        let retargeter = robot.servo_retargeter()?;
         let mut links = retargeter.rigid_links();
         for link in &mut links {
             link.mass_kg *= options.mass;

@@ -4,17 +4,17 @@
 use servodance_retarget::{Gains, Stance};
 use servodance_types::MotionFrame;
 
-use crate::offline::motion_tracking::track_motion;
+use crate::offline::motion_tracking::track_with;
 use crate::robot::Robot;
 
 /// Mean squared speed that is asked of the joints above the legs, rad2/s2.
 pub fn upper_speed2(robot: &Robot, frames: &[MotionFrame]) -> anyhow::Result<f64> {
-    let retargeter = robot.retargeter()?;
+    let retargeter = robot.servo_retargeter()?;
     let upper = retargeter.upper_joints();
     // The first pose is taken up before the dance: the way to it is no speed of the dance.
     let mut before: Vec<f64> = Vec::new();
     let mut sum = 0.0;
-    let tracked = track_motion(robot, frames, |_, now| {
+    let tracked = track_with(retargeter, robot, frames, |_, now| {
         let speed2 = |&joint: &usize| ((now[joint] - before[joint]) / robot.period_s()).powi(2);
         if !before.is_empty() {
             sum += upper.iter().map(speed2).sum::<f64>();

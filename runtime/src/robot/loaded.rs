@@ -179,9 +179,16 @@ impl Robot {
         })
     }
 
-    /// A fresh retargeter for this robot.
+    /// A fresh retargeter for this robot: its targets are where the joints are to be.
     pub fn retargeter(&self) -> anyhow::Result<Retargeter> {
         Ok(Retargeter::new(&self.urdf_xml, &self.retarget, &self.joint_limits(), self.control_hz)?)
+    }
+
+    /// The same for its servos, whose lag it makes up for.
+    pub fn servo_retargeter(&self) -> anyhow::Result<Retargeter> {
+        let mut retargeter = self.retargeter()?;
+        retargeter.set_servo_lag(self.servo_lag_s);
+        Ok(retargeter)
     }
 
     /// Seconds between two control cycles.

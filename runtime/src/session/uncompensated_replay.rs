@@ -38,7 +38,7 @@ pub fn replay(
         &EStop::default(),
     )?;
     servos.arm()?;
-    let mut retargeter = robot.retargeter()?;
+    let mut retargeter = robot.servo_retargeter()?;
     let mut targets: Vec<f64> = servos.states().iter().map(|s| s.position_rad).collect();
     retargeter.seed(&targets)?;
     let joints = targets.len();

@@ -87,7 +87,7 @@ struct MovingJoints {
 
 impl MovingJoints {
     fn new(robot: &Robot) -> anyhow::Result<Self> {
-        let retargeter = robot.retargeter()?;
+        let retargeter = robot.servo_retargeter()?;
         let positions_rad = retargeter.rest().to_vec();
         let speeds_rad_s = vec![0.0; positions_rad.len()];
         Ok(Self { retargeter, period_s: robot.period_s(), cycles: 0, positions_rad, speeds_rad_s })
