@@ -1,8 +1,5 @@
 //! Feed-forward of velocity: a servo makes fast movements smaller and later than its targets, so
-//! its target is ahead of where it is to be by its velocity times a share of its lag.
-
-/// The share; by all of the lag the servos would overshoot and pause on fewer beats.
-const SHARE: f64 = 0.6;
+//! its target is ahead of where it is to be by its velocity times a part of its lag.
 
 /// Radians and seconds; of all joints.
 pub(crate) struct FeedForward {
@@ -17,9 +14,8 @@ impl FeedForward {
         Self { ahead_s: 0.0, last: vec![None; joints] }
     }
 
-    /// For servos that are this late.
-    pub fn set_servo_lag(&mut self, lag_s: f64) {
-        self.ahead_s = if lag_s.is_finite() { SHARE * lag_s.max(0.0) } else { 0.0 };
+    pub fn set(&mut self, seconds: f64) {
+        self.ahead_s = if seconds.is_finite() { seconds.max(0.0) } else { 0.0 };
     }
 
     /// Forgets the last targets, which the next ones do not go on from.
@@ -45,7 +41,7 @@ mod tests {
         let mut ahead = FeedForward::new(1);
         let mut told = |target| ahead.ahead_of(0, target, 4.0, 0.01);
         assert_eq!([told(1.0), told(1.01)], [1.0, 1.01]);
-        ahead.set_servo_lag(0.05);
+        ahead.set(0.03);
         let mut told = |target| ahead.ahead_of(0, target, 4.0, 0.01);
         assert!((told(1.03) - 1.09).abs() < 1e-9);
         assert_eq!(told(1.03), 1.03);

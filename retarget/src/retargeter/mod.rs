@@ -314,11 +314,11 @@ impl Retargeter {
         self.caution = share.clamp(0.0, 1.0);
     }
 
-    /// Sends joints that do not stand ahead by their velocity, for servos that are `lag_s` late
-    /// and make fast movements smaller. Without it, or with 0, targets are where the robot is
-    /// to be.
-    pub fn set_servo_lag(&mut self, lag_s: f64) {
-        self.feed_forward.set_servo_lag(lag_s);
+    /// Sends joints that do not stand ahead by their velocity times so many seconds, for servos
+    /// that make fast movements smaller. With 0, as at first, targets are where the robot is to
+    /// be.
+    pub fn set_feed_forward(&mut self, seconds: f64) {
+        self.feed_forward.set(seconds);
     }
 
     /// Says whether the robot leans as planned: while it does not, no foot lifts for a step.

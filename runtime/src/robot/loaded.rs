@@ -27,6 +27,8 @@ pub struct Robot {
     pub control_hz: f64,
     /// Delay from command to position, seconds.
     pub servo_lag_s: f64,
+    /// Seconds of its velocity that a moving joint is sent ahead by.
+    pub feed_forward_s: f64,
     /// Whether the servos are placeholders: simulated ones are as strong as the robot's
     /// masses ask for, real ones are not moved.
     pub placeholder_servos: bool,
@@ -106,6 +108,7 @@ impl Robot {
         for (key, value, range) in [
             ("control_hz", parsed.control_hz, 20.0..=1000.0),
             ("servo_lag_s", parsed.servo_lag_s, 0.0..=0.5),
+            ("feed_forward_s", parsed.feed_forward_s, 0.0..=0.2),
         ] {
             if !range.contains(&value) {
                 let (low, high) = (range.start(), range.end());
@@ -144,6 +147,7 @@ impl Robot {
             description: parsed.description,
             control_hz: parsed.control_hz,
             servo_lag_s: parsed.servo_lag_s,
+            feed_forward_s: parsed.feed_forward_s,
             placeholder_servos: parsed.placeholder_servos,
             idle: parsed.idle,
             buses,
@@ -184,10 +188,10 @@ impl Robot {
         Ok(Retargeter::new(&self.urdf_xml, &self.retarget, &self.joint_limits(), self.control_hz)?)
     }
 
-    /// The same for its servos, whose lag it makes up for.
+    /// The same for its servos, with feed-forward.
     pub fn servo_retargeter(&self) -> anyhow::Result<Retargeter> {
         let mut retargeter = self.retargeter()?;
-        retargeter.set_servo_lag(self.servo_lag_s);
+        retargeter.set_feed_forward(self.feed_forward_s);
         Ok(retargeter)
     }
 

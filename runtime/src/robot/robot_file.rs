@@ -38,6 +38,8 @@ pub(super) struct RobotFile {
     #[serde(default)]
     pub servo_lag_s: f64,
     #[serde(default)]
+    pub feed_forward_s: f64,
+    #[serde(default)]
     pub placeholder_servos: bool,
     #[serde(default)]
     pub idle: IdleStyle,
