@@ -69,7 +69,7 @@ pub use config::{
     BodyKind, BodyLinks, CapsuleConfig, Gains, JointCoupling, Limb, RetargetConfig, RetargetError,
     RodConfig, Stance, TaskWeights, Tip, TorqueConfig, WheelConfig,
 };
-pub use dancer::{BodyPoints, PostureReader};
+pub use dancer::{BodyPoints, PostureReader, surrounding_postures};
 pub use description::body_guess::{BodyGuess, guess_body};
 pub use description::diagnostic::{Diagnostic, DiagnosticCode, DiagnosticSeverity};
 pub use description::draft::{

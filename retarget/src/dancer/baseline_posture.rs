@@ -2,7 +2,8 @@
 //!
 //! [`BaselineEstimator`] learns it from what it is shown, over seconds; [`PostureReader`]
 //! does so from frames, for others who come later; [`PostureTrack`] are those that
-//! somebody sent along with the frames, at any time between two of them.
+//! somebody sent along with the frames, at any time between two of them. Of a motion that is
+//! known beforehand: `surrounding_posture`.
 
 use std::collections::VecDeque;
 
@@ -34,7 +35,7 @@ const COMMON: BaselinePosture = BaselinePosture {
 };
 const COMMON_S: f64 = 0.5;
 /// Numbers of a posture beside heading and floor.
-const POSTURE: usize = 8;
+pub(super) const POSTURE: usize = 8;
 
 /// See [`Posture`]; robot axes, angles from x towards y.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -60,12 +61,12 @@ impl BaselinePosture {
     }
 
     /// Nod, sway and feet in a row.
-    fn flat(&self) -> [f64; POSTURE] {
+    pub(super) fn flat(&self) -> [f64; POSTURE] {
         let Self { nod, sway, feet: [left, right], .. } = self;
         [nod[0], nod[1], sway[0], sway[1], left[0], left[1], right[0], right[1]]
     }
 
-    fn set(&mut self, flat: [f64; POSTURE]) {
+    pub(super) fn set(&mut self, flat: [f64; POSTURE]) {
         let pair = |at: usize| [flat[at], flat[at + 1]];
         (self.nod, self.sway, self.feet) = (pair(0), pair(2), [pair(4), pair(6)]);
     }
@@ -296,6 +297,6 @@ pub(crate) fn pelvis_yaw(points: &BodyPoints) -> f64 {
     yaw_of(points[LeftHip as usize] - points[RightHip as usize])
 }
 
-fn facing(points: &BodyPoints) -> f64 {
+pub(super) fn facing(points: &BodyPoints) -> f64 {
     mean_angle(chest_yaw(points), pelvis_yaw(points))
 }

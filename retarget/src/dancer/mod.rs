@@ -5,6 +5,7 @@ mod baseline_posture;
 mod figure;
 mod motion_buffer;
 mod pose_target;
+mod surrounding_posture;
 
 pub(crate) use angles::{direction, mean_angle, soft_limit, turn, wrap, yaw_of};
 pub use baseline_posture::PostureReader;
@@ -17,3 +18,4 @@ pub(crate) use figure::{
 pub use motion_buffer::BodyPoints;
 pub(crate) use motion_buffer::{LOOKAHEAD_FRAMES, MotionBuffer, robot_axes, usable_points};
 pub(crate) use pose_target::{HeadingReference, PoseReader, PoseTarget, mirrored};
+pub use surrounding_posture::surrounding_postures;

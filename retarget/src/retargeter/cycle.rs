@@ -3,7 +3,7 @@
 //! `next` does not allocate, does not block and takes bounded time. Whatever
 //! comes in, what goes out holds the joint limits: see `limits`.
 
-use servodance_types::{JointLimits, MotionFrame};
+use servodance_types::{JointLimits, MotionFrame, Posture};
 
 use super::Retargeter;
 use super::counts::RetargetCounts;
@@ -84,13 +84,14 @@ impl Retargeter {
 
     /// Takes up the pose of `frame` before any other has come, from where the robot is, and
     /// counts nothing of the way: for motion that is known beforehand and shown from its first
-    /// frame on. What is usual for the dancer is not learned from it.
-    pub fn take_up(&mut self, frame: &MotionFrame) {
+    /// frame on. `posture`: what is usual for the dancer then.
+    pub fn take_up(&mut self, frame: &MotionFrame, posture: &Posture) {
         let Some(points) = usable_points(frame) else { return };
+        self.taken_up = Some(posture.into());
         for _ in 0..(TAKEN_UP_S / self.dt_s).round() as usize {
-            self.reader.forget();
             self.show(BEFORE_ALL_S, |_| Some((points, 1.0)));
         }
+        self.taken_up = None;
         self.reader.forget();
         self.torque.restart();
         self.counts = RetargetCounts::default();
@@ -108,6 +109,7 @@ impl Retargeter {
             let usual = self.postures.at(time_s)?;
             Some(usual.moved(&dancer, &points))
         });
+        let led = self.taken_up.or(led);
         let mut led = led.map(|usual| (usual, share));
         if self.mirror {
             points = mirrored(&points);

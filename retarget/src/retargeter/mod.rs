@@ -17,8 +17,8 @@ use servodance_types::{
 use crate::config::{BodyKind, Gains, Limb, RetargetConfig, RetargetError, Stance};
 use crate::contact::{FourFeet, PlantedStance};
 use crate::dancer::{
-    ArmMount, HeadingReference, LOOKAHEAD_FRAMES, MOST_BASE_TURN, MotionBuffer, PoseReader,
-    PostureTrack,
+    ArmMount, BaselinePosture, HeadingReference, LOOKAHEAD_FRAMES, MOST_BASE_TURN, MotionBuffer,
+    PoseReader, PostureTrack,
 };
 use crate::dynamics::{
     JointLoad, TorqueEstimator, TorqueReport, joint_loads, placement, rigid_links,
@@ -82,6 +82,8 @@ pub struct Retargeter {
     preview_s: f64,
     motion: MotionBuffer,
     postures: PostureTrack,
+    /// What is usual for the dancer while the first pose is taken up.
+    taken_up: Option<BaselinePosture>,
     reader: PoseReader,
     solver: BodySolver,
     search: ArmSearch,
@@ -184,6 +186,7 @@ impl Retargeter {
             preview_s: config.preview_s,
             motion: MotionBuffer::new(),
             postures: PostureTrack::new(),
+            taken_up: None,
             reader: PoseReader::new(heading_reference(config, waist), dt_s),
             kind: config.kind,
             arm_mount,

@@ -8,7 +8,7 @@ use crate::robot::Robot;
 use crate::telemetry::report::ViolationReport;
 use servodance_drivers::Limiter;
 use servodance_retarget::{
-    LimbDirectionError, LimbSegment, RetargetCounts, Retargeter, TorqueReport,
+    LimbDirectionError, LimbSegment, RetargetCounts, Retargeter, TorqueReport, surrounding_postures,
 };
 use servodance_types::{FRAME_RATE_HZ, JointLimits, MotionFrame};
 use std::time::Instant;
@@ -73,8 +73,9 @@ pub fn track_with(
 ) -> anyhow::Result<TrackedMotion> {
     let names: Vec<&str> = robot.servos.iter().map(|servo| servo.name.as_str()).collect();
     let likeness = LimbDirectionError::new(&robot.urdf_xml, &robot.retarget, &names)?;
-    if let Some(first) = frames.first() {
-        retargeter.take_up(first);
+    let postures = surrounding_postures(frames);
+    if let (Some(first), Some(posture)) = (frames.first(), postures.first()) {
+        retargeter.take_up(first, posture);
     }
     let mut targets = retargeter.positions_rad().to_vec();
     let mut limiters: Vec<Limiter> = robot
@@ -84,7 +85,7 @@ pub fn track_with(
         .map(|(servo, first)| Limiter::new(servo.limits, robot.period_s(), *first))
         .collect();
     let mut judge = LimitJudge::new(robot, &targets);
-    let mut waiting = frames.iter().peekable();
+    let mut waiting = frames.iter().zip(&postures).peekable();
     let mut tracked = TrackedMotion {
         cycles: 0,
         violations: ViolationReport::default(),
@@ -100,10 +101,10 @@ pub fn track_with(
     let mut next_frame = 0;
     for cycle in 0..cycles {
         let time_s = cycle as f64 * robot.period_s();
-        while let Some(frame) =
-            waiting.next_if(|frame| frame.time_s <= time_s + retargeter.lookahead_s())
+        while let Some((frame, posture)) =
+            waiting.next_if(|(frame, _)| frame.time_s <= time_s + retargeter.lookahead_s())
         {
-            retargeter.push(frame);
+            retargeter.push_with_posture(frame, posture);
         }
         let begin = Instant::now();
         retargeter.next(time_s, &mut targets)?;
