@@ -231,7 +231,8 @@ pub fn servos(configs: &[ServoConfig]) -> Result<Vec<Servo>, ConfigError> {
     for config in configs {
         let servo = config.servo()?;
         let clash = configs.iter().zip(&servos).find(|(other_config, other)| {
-            other.name == servo.name || (other_config.bus == config.bus && other.id == servo.id)
+            let share_bus = may_share_bus(config, other_config);
+            other.name == servo.name || (share_bus && answer_alike(&servo, other))
         });
         if let Some((_, other)) = clash {
             return Err(ConfigError::Twice {
@@ -244,6 +245,21 @@ pub fn servos(configs: &[ServoConfig]) -> Result<Vec<Servo>, ConfigError> {
         servos.push(servo);
     }
     Ok(servos)
+}
+
+/// A joint that names no bus is on the robot's one bus, whatever that is called.
+fn may_share_bus(one: &ServoConfig, other: &ServoConfig) -> bool {
+    one.bus == other.bus || one.bus.is_none() || other.bus.is_none()
+}
+
+/// Whether replies of two servos on one bus cannot be told apart.
+fn answer_alike(one: &Servo, other: &Servo) -> bool {
+    // Damiao's motors give the lowest four bits of their id in replies.
+    let nibble = |servo: &Servo| {
+        let motor = servo.motor.as_ref().filter(|motor| motor.model.has_registers)?;
+        Some((motor.reply_id, servo.id & 0xF))
+    };
+    one.id == other.id || (nibble(one).is_some() && nibble(one) == nibble(other))
 }
 
 #[cfg(test)]
@@ -336,5 +352,36 @@ mod tests {
         second.name = "r_knee".into();
         let error = servos(&[file.joint[0].clone(), second]).unwrap_err();
         assert!(error.to_string().contains("r_knee (id 14) clashes with l_knee (id 14)"));
+    }
+
+    #[test]
+    fn an_id_used_twice_is_refused_where_one_of_the_joints_names_the_only_bus() {
+        let file: File = toml::from_str(&GOOD.replace("[bus]", "[bus]\nname = \"main\"")).unwrap();
+        let first = file.joint[0].clone();
+        let second =
+            ServoConfig { name: "r_knee".into(), bus: Some("main".into()), ..first.clone() };
+        let error = layouts(file.bus, &[first, second]).unwrap_err().to_string();
+        assert!(error.contains("r_knee (id 14) clashes with l_knee (id 14)"), "{error}");
+    }
+
+    #[test]
+    fn motors_whose_replies_cannot_be_told_apart_are_refused() {
+        let motor = |id: u8, reply_id: u16| ServoConfig {
+            name: format!("joint_{id}"),
+            id,
+            model: "DM-J4310".into(),
+            reply_id: Some(reply_id),
+            lower_deg: -60.0,
+            upper_deg: 60.0,
+            velocity_deg_s: 100.0,
+            acceleration_deg_s2: 1000.0,
+            direction: 1,
+            ..Default::default()
+        };
+        let error = servos(&[motor(1, 0), motor(17, 0)]).unwrap_err().to_string();
+        assert!(error.contains("joint_17 (id 17) clashes with joint_1 (id 1)"), "{error}");
+        assert!(error.contains("lowest four bits"), "{error}");
+        assert!(servos(&[motor(1, 0), motor(17, 0x11)]).is_ok());
+        assert!(servos(&[motor(1, 0), motor(2, 0)]).is_ok());
     }
 }
