@@ -5,17 +5,21 @@
 
 use clap::Parser;
 use clap::error::ErrorKind;
+use servodance::cli::guesses::hint;
 use servodance::cli::{Cli, INTERRUPTED};
 use servodance_runtime::process::console::{self, stderr_line};
 use servodance_runtime::process::interrupted::Interrupted;
 use servodance_runtime::process::wrong_usage::WrongUsage;
+use signal_hook::consts::SIGXFSZ;
 use std::process::ExitCode;
+use std::sync::Arc;
 
 /// Exit code after wrong usage, as of `clap`.
 const WRONG_USAGE: u8 = 2;
 
 fn main() -> ExitCode {
     console::report_panics_in_one_line();
+    outlive_file_limits();
     let ended = match Cli::try_parse() {
         Ok(cli) => cli.run().unwrap_or_else(|error| told(&error)),
         Err(error) => misused(&error),
@@ -27,13 +31,21 @@ fn main() -> ExitCode {
     ended
 }
 
-/// Prints what is wrong with the command line; a value that is refused in one line, like any
-/// other bad input.
+/// A file that grows beyond `ulimit -f` is an error like a full disk, and no reason to be killed
+/// while motors have torque.
+fn outlive_file_limits() {
+    // Any handler does: writing then fails. Without one the limit is as it was.
+    let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
+}
+
+/// Prints what is wrong with the command line; a usual guess and a value that is refused in one
+/// line, like any other bad input.
 fn misused(error: &clap::Error) -> ExitCode {
-    if error.kind() != ErrorKind::ValueValidation {
-        error.exit();
+    match hint(error) {
+        Some(hint) => stderr_line!("{hint}"),
+        None if error.kind() != ErrorKind::ValueValidation => error.exit(),
+        None => stderr_line!("{}", error.to_string().lines().next().unwrap_or_default()),
     }
-    stderr_line!("{}", error.to_string().lines().next().unwrap_or_default());
     ExitCode::from(WRONG_USAGE)
 }
 

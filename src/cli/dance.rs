@@ -59,6 +59,10 @@ pub struct Args {
     /// Follow no tempo but these, beats a minute, slowest and fastest: 80-140, say.
     #[arg(long, value_name = "LO-HI")]
     pub tempo: Option<TempoRange>,
+    /// Share of the movement that is danced, 0 to 1: small for a first try on real servos; the
+    /// robot file's `[retarget] amplitude` if left out.
+    #[arg(long, value_name = "SHARE", value_parser = within(0.0..=1.0_f64))]
+    pub amplitude: Option<f64>,
     #[command(flatten)]
     pub generator: GeneratorArgs,
     /// Write figures of the run as JSON (see docs/report.md).
@@ -123,7 +127,7 @@ pub struct Args {
 
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let config = configuration(args)?;
-    let stop = stop_signal()?;
+    let stop = motor_stop_signal()?;
     if config.view.is_some() || config.tui {
         return watched(config, &stop);
     }
@@ -185,7 +189,8 @@ fn watched(config: DanceConfig, stop: &Arc<AtomicBool>) -> anyhow::Result<ExitCo
 /// Checks the arguments and loads the robot.
 pub fn configuration(args: Args) -> anyhow::Result<DanceConfig> {
     each_file_once(&args)?;
-    let robot = args.rig.robot.load()?;
+    let mut robot = args.rig.robot.load()?;
+    robot.retarget.amplitude = args.amplitude.unwrap_or(robot.retarget.amplitude);
     let buses = choose_buses(&robot, &args.rig.bus)?;
     let all_simulated = buses.iter().all(|bus| *bus == BusChoice::Sim);
     let world = args.world.unwrap_or_else(|| match all_simulated {

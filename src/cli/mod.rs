@@ -24,6 +24,7 @@ mod first_minute;
 pub mod follow;
 pub mod generate;
 pub mod getup;
+pub mod guesses;
 pub mod jog;
 pub mod latency;
 pub mod lead;
@@ -55,13 +56,14 @@ mod untrained;
 use untrained::{ablate, dataset, evaluate, reconstruct, train, weights};
 
 use clap::{Parser, Subcommand};
+use signal_hook::consts::{SIGQUIT, SIGTSTP};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// What most commands need.
 mod prelude {
-    pub(super) use super::{INTERRUPTED, stop_signal};
+    pub(super) use super::{INTERRUPTED, motor_stop_signal, stop_signal};
     pub(super) use crate::cli::options::robot::RobotFileArgs;
     pub(super) use crate::cli::options::stage::StageNetworkArgs;
     pub(super) use anyhow::bail;
@@ -230,6 +232,14 @@ pub(crate) fn stop_signal() -> anyhow::Result<Arc<AtomicBool>> {
     let stop = Arc::new(AtomicBool::new(false));
     let handler_stop = Arc::clone(&stop);
     ctrlc::set_handler(move || handler_stop.store(true, Ordering::Release))?;
-    signal_hook::flag::register(signal_hook::consts::SIGQUIT, Arc::clone(&stop))?;
+    signal_hook::flag::register(SIGQUIT, Arc::clone(&stop))?;
+    Ok(stop)
+}
+
+/// The same, and set by Ctrl-Z too: a program that is suspended leaves motors with torque and
+/// without commands.
+pub(crate) fn motor_stop_signal() -> anyhow::Result<Arc<AtomicBool>> {
+    let stop = stop_signal()?;
+    signal_hook::flag::register(SIGTSTP, Arc::clone(&stop))?;
     Ok(stop)
 }

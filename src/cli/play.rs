@@ -44,7 +44,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let server = Server::start(args.view_bind, scene, viewers, songs)?;
     say_links(&server, !args.view_bind.ip().is_loopback());
     Player::new(&recording, end).run(&stop);
-    Ok(ExitCode::SUCCESS)
+    Ok(ExitCode::from(INTERRUPTED)) // nothing else ends it
 }
 
 fn scene(recording: &Recording) -> anyhow::Result<Scene> {

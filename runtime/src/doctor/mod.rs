@@ -67,5 +67,6 @@ pub fn examine(
     findings.extend(ports::serial());
     findings.extend(ports::can());
     findings.extend(ports::rates(robot));
+    findings.extend(ports::watchdogs(robot));
     Ok(findings)
 }

@@ -2,7 +2,7 @@
 
 use super::Finding;
 use crate::robot::Robot;
-use servodance_drivers::{available_ports, check_rate, latency_timer};
+use servodance_drivers::{BusKind, BusLayout, available_ports, check_rate, latency_timer};
 use std::fs::OpenOptions;
 use std::path::Path;
 
@@ -14,7 +14,7 @@ pub fn serial() -> Vec<Finding> {
     if ports.is_empty() {
         return vec![Finding::good(
             "serial",
-            "no USB serial adapter is plugged in; the simulated bus needs none",
+            "no USB serial adapter is plugged in: fine for the simulated bus",
         )];
     }
     ports.iter().map(|port| serial_port(port)).collect()
@@ -77,7 +77,7 @@ fn can_in(interfaces: &Path) -> Vec<Finding> {
 
 /// The control rate against what each bus of the robot carries.
 pub fn rates(robot: &Robot) -> Vec<Finding> {
-    let one = |bus: &servodance_drivers::BusLayout| {
+    let one = |bus: &BusLayout| {
         let name = match bus.config.name.as_str() {
             "" => format!("the bus of {}", robot.name),
             name => format!("bus {name} of {}", robot.name),
@@ -98,6 +98,24 @@ pub fn rates(robot: &Robot) -> Vec<Finding> {
         }
     };
     robot.buses.iter().map(one).collect()
+}
+
+/// Servos that would go on driving under a program that was killed, unless somebody has said
+/// that this is known.
+pub fn watchdogs(robot: &Robot) -> Vec<Finding> {
+    let lacks = |bus: &&BusLayout| {
+        let lacks_one = matches!(bus.config.kind, BusKind::Feetech | BusKind::Dynamixel1);
+        lacks_one && !bus.config.accept_no_watchdog
+    };
+    let one = |bus: &BusLayout| {
+        let model = bus.servos.first().map_or("its servos", |servo| servo.model.name);
+        Finding::warning(
+            "watchdog",
+            format!("{model} has none: a killed program leaves it driving, so nothing moves it"),
+            "accept_no_watchdog = true in the [bus] table, and a hand on the power switch",
+        )
+    };
+    robot.buses.iter().filter(lacks).map(one).collect()
 }
 
 #[cfg(test)]
@@ -121,6 +139,16 @@ mod tests {
         let verdicts: Vec<Verdict> = found.iter().map(|finding| finding.verdict).collect();
         assert_eq!(verdicts, [Verdict::Good, Verdict::Warning], "{found:?}");
         assert!(found[1].what.contains("can1"), "{found:?}");
+    }
+
+    #[test]
+    fn servos_without_a_watchdog_are_told_of_unless_that_is_known() {
+        let mut robot = Robot::load("so101").unwrap();
+        robot.buses[0].config.accept_no_watchdog = false;
+        assert!(watchdogs(&robot)[0].what.contains("STS3215"));
+        robot.buses[0].config.accept_no_watchdog = true;
+        assert!(watchdogs(&robot).is_empty());
+        assert!(watchdogs(&Robot::load("op3").unwrap()).is_empty());
     }
 
     #[test]

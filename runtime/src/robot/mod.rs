@@ -25,7 +25,7 @@ mod schema;
 mod standing_gain;
 
 pub use check::{Checked, check};
-pub use draft::{NewRobot, new_robot};
+pub use draft::{NewRobot, check_place, new_robot};
 pub use getup_plan::{GetupPlan, GetupPose, Lying};
 pub use loaded::Robot;
 pub use meshes::Meshes;

@@ -7,7 +7,7 @@ use crate::cli::prelude::*;
 use servodance_retarget::{BodyKind, DraftOptions};
 use servodance_runtime::offline::generate::{dances_of_built_in_song, trial_dances};
 use servodance_runtime::physics::StanceCheck;
-use servodance_runtime::robot::{self, Robot};
+use servodance_runtime::robot::{self, BUILT_IN, Robot};
 use servodance_runtime::telemetry::pending_file::write_whole;
 use servodance_runtime::world::WorldChoice;
 use servodance_training::choreography;
@@ -94,6 +94,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
 }
 
 fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
+    robot::check_place(&args.out, args.force)?;
     let (trial, dances) = (choreography::trial_dance(), trial_dances()?);
     let options = DraftOptions { kind: args.kind, wheels: args.wheels };
     let written =
@@ -116,6 +117,7 @@ fn sheet(args: &SheetArgs) -> anyhow::Result<ExitCode> {
 
 fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
     let mut checked = robot::check(&args.file);
+    let is_there = Path::new(&args.file).exists() || BUILT_IN.iter().any(|b| b.name == args.file);
     if checked.usable
         && let Some(standing) = standing_robot(&args.file)
     {
@@ -128,7 +130,7 @@ fn check(args: &CheckArgs) -> anyhow::Result<ExitCode> {
             checked.stance =
                 Some(StanceCheck::of(&robot, &dances_of_built_in_song()?[0].frames())?);
         }
-    } else if args.amplitude {
+    } else if args.amplitude && is_there {
         anyhow::bail!("{}: --amplitude is for a robot that stands on its feet", args.file);
     }
     if args.json {

@@ -48,12 +48,7 @@ pub fn new_robot(
     trial: &Clip,
     dances: &[TrialDance],
 ) -> anyhow::Result<NewRobot> {
-    if out.extension().is_none_or(|extension| extension != "toml") {
-        bail!("{}: a robot file ends in .toml", out.display());
-    }
-    if out.exists() && !force {
-        bail!("{} is there already; --force overwrites it", out.display());
-    }
+    check_place(out, force)?;
     let source = read_description(description)?;
     let findings = lint(&source);
     // Whoever gives the kind knows of parts that were not found.
@@ -121,6 +116,17 @@ pub fn new_robot(
     files.push(picture);
     lines.extend(summary(&plan, out));
     Ok(NewRobot { files, lines })
+}
+
+/// Refuses a place where no robot file can be written; of interest before dances are made.
+pub fn check_place(out: &Path, force: bool) -> anyhow::Result<()> {
+    if out.extension().is_none_or(|extension| extension != "toml") {
+        bail!("{}: a robot file ends in .toml", out.display());
+    }
+    if out.exists() && !force {
+        bail!("{} is there already; --force overwrites it", out.display());
+    }
+    Ok(())
 }
 
 fn summary(plan: &FilePlan, out: &Path) -> Vec<String> {

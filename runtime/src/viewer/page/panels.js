@@ -39,7 +39,8 @@ export function makePanels(scene) {
 
   // What is heard, and how the robot is now.
   function show(frame, newest) {
-    badge("activity", ACTIVITIES[newest.activity], newest.activity === "dancing" ? "good" : "warn");
+    const held = newest.activity === "waiting" && newest.estop;
+    badge("activity", held ? "release the stop to start" : ACTIVITIES[newest.activity], newest.activity === "dancing" ? "good" : "warn");
     const safety = newest.estop ? "emergency stop" : newest.hold ? "holding" : SAFETY[newest.safety];
     const quality = { running: "good", "something is wrong": "bad", "emergency stop": "bad" };
     badge("safety", safety, quality[safety] ?? "warn");
@@ -87,6 +88,12 @@ function mostLost(frame, scene) {
   return most === 0 ? "–" : `${scene.joints[counts.indexOf(most)].name}, ${most}`;
 }
 
+// Simulated servos count; real ones do not, and before torque nobody has.
+function brokenLimits(frame, scene) {
+  if (frame.violations !== null) return `${frame.violations}`;
+  return scene.recording_s !== null || frame.safety === "disarmed" ? "–" : "real servos: unknown";
+}
+
 // Name, how to tell it, and when it is worth a colour.
 function makeFigures() {
   const rows = [
@@ -101,7 +108,7 @@ function makeFigures() {
     ["asked again", (f) => `${f.bus.retries}`, (f) => f.bus.retries > 0],
     ["most with", mostLost, (f) => f.servo_errors.some(([lost, damaged]) => lost + damaged > 0)],
     ["limited moves", (f) => `${f.interventions}`, () => false],
-    ["limits broken", (f) => (f.violations === null ? "real servos: unknown" : `${f.violations}`), (f) => f.violations > 0],
+    ["limits broken", brokenLimits, (f) => f.violations > 0],
     ["idling", (f) => `${Math.round(f.idle_share * 100)} %`, () => false],
     ["music", (f) => `${f.music_s.toFixed(1)} s`, () => false],
     ["pages open", (f) => `${f.viewers}`, () => false],
