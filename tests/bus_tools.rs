@@ -2,6 +2,7 @@
 //! against simulated servos that judge what it did.
 
 use crate::program::Program;
+use crate::torque_off::signal;
 use servodance_drivers::serial::Register;
 use servodance_drivers::serial::dynamixel2::registers as at;
 use servodance_drivers::{Framing, SerialScanner};
@@ -160,6 +161,26 @@ fn a_change_to_a_live_robot_is_asked_for_first() {
     let (_, code) = typed(&program, &set, "y\n");
     assert_eq!(code, Some(0));
     program.succeed(&["ping", port, "9", "--baud", "1000000"]);
+}
+
+#[test]
+fn the_emergency_stop_reaches_a_joint_that_is_jogged() {
+    let (program, bus) = (Program::new(), neck());
+    let (robot, port) = (program.patient_robot("neck"), serial(&bus));
+    let jog = ["jog", "neck_tilt", "--robot", &robot, "--bus", &port, "--yes"];
+    let mut command = program.command(&jog);
+    let streams = command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+    let child = streams.spawn().expect("the program starts");
+    let start = Instant::now();
+    while torques(&bus, 2) == 0 {
+        assert!(start.elapsed() < Duration::from_secs(60), "no torque");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    signal(&child, "-USR1");
+    let output = child.wait_with_output().expect("it ends");
+    let said = text(&output.stderr);
+    assert_eq!((output.status.code(), torques(&bus, 2)), (Some(1), 0), "{said}");
+    assert!(said.contains("the signal SIGUSR1"), "{said}");
 }
 
 #[test]

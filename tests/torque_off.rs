@@ -41,13 +41,8 @@ fn dancing_with(program: &Program, bus: &SimBus, more: &[&str]) -> Child {
 }
 
 fn dancing_at(program: &Program, bus: &SimBus, more: &[&str], input: Stdio) -> Child {
-    let port = format!("serial:{}", bus.port_path());
-    let robot = program.patient_robot("op3");
-    let mut args = vec!["dance", "--robot", &robot, "--bus", &port];
-    args.extend(["--no-picture", "--quiet"]);
-    args.extend(more);
-    let mut child = program
-        .command(&args)
+    let more = [&["--no-picture", "--quiet"], more].concat();
+    let mut child = dance_command(program, bus, &more)
         .stdin(input)
         .stderr(Stdio::piped())
         .spawn()
@@ -62,6 +57,12 @@ fn dancing_at(program: &Program, bus: &SimBus, more: &[&str], input: Stdio) -> C
         torques(bus) == 20
     });
     child
+}
+
+fn dance_command(program: &Program, bus: &SimBus, more: &[&str]) -> Command {
+    let port = format!("serial:{}", bus.port_path());
+    let robot = program.patient_robot("op3");
+    program.command(&[&["dance", "--robot", &robot, "--bus", &port], more].concat())
 }
 
 fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
@@ -92,7 +93,8 @@ fn ctrl_c_turns_torque_off() {
 #[test]
 fn every_signal_that_ends_it_turns_torque_off() {
     let _alone = alone();
-    for name in ["-TERM", "-HUP", "-QUIT"] {
+    // Ctrl-Z too: a suspended program would leave torque on.
+    for name in ["-TERM", "-HUP", "-QUIT", "-TSTP"] {
         let (program, bus) = (Program::new(), servos());
         let child = dancing(&program, &bus);
         signal(&child, name);
@@ -153,12 +155,56 @@ fn enter_on_the_terminal_is_an_emergency_stop() {
     let terminal = nix::pty::openpty(None, None).expect("a terminal");
     let mut keyboard = std::fs::File::from(terminal.master);
     let child = dancing_at(&program, &bus, &[], Stdio::from(terminal.slave));
+    // Ctrl-D first: the end of the input takes no key away.
+    keyboard.write_all(b"\x04").expect("typed");
+    std::thread::sleep(Duration::from_millis(300));
     keyboard.write_all(b"\n").expect("typed");
     let output = child.wait_with_output().expect("it ends");
     let error = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(1), "{error}");
     assert!(error.contains("emergency stop (the key)"), "{error}");
     assert_eq!(torques(&bus), 0);
+}
+
+#[test]
+fn a_terminal_that_takes_no_text_holds_nothing_up() {
+    let _alone = alone();
+    let (program, bus) = (Program::new(), servos());
+    let terminal = nix::pty::openpty(None, None).expect("a terminal");
+    let (screen, line) = (std::fs::File::from(terminal.master), terminal.slave);
+    let mut command = dance_command(&program, &bus, &["--no-picture"]);
+    let own = line.try_clone().expect("the line");
+    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::from(own));
+    let mut child = command.spawn().expect("the program starts");
+    wait_until("all torques on", || torques(&bus) == 20);
+    // As Ctrl-S does; what is written waits from now on.
+    nix::sys::termios::tcflow(&line, nix::sys::termios::FlowArg::TCOOFF).expect("it holds");
+    std::thread::sleep(Duration::from_secs(3));
+    signal(&child, "-USR1");
+    wait_until("all torques off", || torques(&bus) == 0);
+    nix::sys::termios::tcflow(&line, nix::sys::termios::FlowArg::TCOON).expect("it goes on");
+    assert_eq!(child.wait().expect("it ends").code(), Some(1));
+    drop(screen);
+}
+
+#[test]
+fn a_file_that_may_not_grow_ends_no_dance_with_torque_on() {
+    let _alone = alone();
+    let (program, bus) = (Program::new(), servos());
+    let recording = program.path("dance.mcap");
+    let args = ["--quiet", "--no-picture", "--record", recording.to_str().expect("text")];
+    let dance = dance_command(&program, &bus, &args);
+    let mut limited = Command::new("sh");
+    limited.args(["-c", "ulimit -f 100; exec \"$@\"", "sh"]).arg(dance.get_program());
+    limited.args(dance.get_args()).stderr(Stdio::piped()).stdout(Stdio::null());
+    if let Some(folder) = dance.get_current_dir() {
+        limited.current_dir(folder);
+    }
+    let child = limited.spawn().expect("it starts");
+    let output = child.wait_with_output().expect("it ends");
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!((output.status.code(), torques(&bus)), (Some(1), 0), "{error}");
+    assert!(error.contains("File too large"), "{error}");
 }
 
 #[test]
@@ -201,6 +247,22 @@ fn a_servo_that_dies_is_named_and_the_others_lose_torque() {
     assert!(report.contains("r_knee"), "{report}");
     let recording = std::fs::metadata(program.path("x.mcap")).expect("a recording");
     assert!(recording.len() > 1000);
+}
+
+#[test]
+fn a_servo_that_is_waited_for_in_vain_ends_the_dance() {
+    let _alone = alone();
+    let (program, bus) = (Program::new(), servos());
+    let waits = ["--set", "safety.on_servo_lost=hold", "--set", "safety.rejoin_s=1.15"];
+    let child = dancing_with(&program, &bus, &waits);
+    std::thread::sleep(Duration::from_secs(1));
+    // So hot that it shuts down again whenever it is rebooted.
+    assert!(bus.set_servo_fault(3, ServoFault::Overheat(150.0)));
+    let output = child.wait_with_output().expect("it ends");
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!((output.status.code(), torques(&bus)), (Some(1), 0), "{error}");
+    // The other: torque off was asked for while that servo rebooted.
+    assert!(error.contains("did not come back") || error.contains("may still be ON"), "{error}");
 }
 
 #[test]

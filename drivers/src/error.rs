@@ -51,7 +51,8 @@ pub enum ConfigError {
     Limits { joint: String, reason: String },
     #[error(
         "joint {joint} (id {id}) clashes with {other} (id {other_id}): \
-         names must be unique, and ids on one bus"
+         names must be unique, and ids on one bus (of Damiao's motors with one reply_id the \
+         lowest four bits of the ids)"
     )]
     Twice { joint: String, id: u8, other: String, other_id: u8 },
     #[error("the robot has no [[joint]] table")]
@@ -141,7 +142,7 @@ pub enum BusError {
     },
     #[error(
         "{servo}: {why}: a killed program would leave it driving; set accept_no_watchdog = true \
-         in the bus table to dance all the same"
+         in the [bus] table of the robot file to move it all the same"
     )]
     NoWatchdog { servo: ServoId, why: String },
     #[error("target for {servo} is {target}, not a finite number: nothing was sent")]

@@ -91,7 +91,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         view: args.view.then_some(args.view_bind),
         record: args.record,
     };
-    let stop = super::stop_signal()?;
+    let stop = super::motor_stop_signal()?;
     let is_reachable = !args.view_bind.ip().is_loopback();
     let on_page = |page: &_| super::options::links::say_links(page, is_reachable);
     let report = servodance_runtime::stage::follow(&options, &stop, on_page)?;

@@ -32,7 +32,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         false => Speed::Realtime,
     };
     let getup = GetUp { robot: &robot, buses: &buses, lying: args.lying, stands_s: args.stand };
-    let told = getup.run(speed, &*stop_signal()?)?;
+    let told = getup.run(speed, &*motor_stop_signal()?)?;
     stdout_line!("{told}");
     Ok(ExitCode::SUCCESS)
 }

@@ -38,7 +38,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         (None, Some(degrees)) => Some(JogStep::parse(&format!("={degrees}"))?),
         (None, None) => None,
     };
-    let stop = stop_signal()?;
+    let stop = motor_stop_signal()?;
     let jog =
         Jog { robot: &robot, joint: &args.joint, ports: &args.bus, step, speed_deg_s: args.speed };
     let moved = jog.run(Consent::from_flag(args.yes), &stop)?;

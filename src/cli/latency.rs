@@ -28,7 +28,7 @@ pub struct Args {
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let robot = args.robot.load()?;
     let buses: Vec<BusChoice> = choose_buses(&robot, &args.bus)?;
-    let stop = stop_signal()?;
+    let stop = motor_stop_signal()?;
     let measured = click_test(&robot, &buses, args.clicks, &stop)?;
     match args.json {
         true => stdout_line!("{:#}", json_of(&robot, &measured)),

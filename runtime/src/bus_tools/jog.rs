@@ -6,11 +6,13 @@
 
 use super::consent::Consent;
 use super::plug;
+use crate::control::emergency_stop::EmergencyStopWatch;
 use crate::process::console::{stderr_line, stdout_line};
+use crate::process::output_thread::OutputThread;
 use crate::process::wrong_usage::misused;
 use crate::robot::Robot;
 use anyhow::bail;
-use servodance_drivers::{Bus, SafeBus, SafetyConfig, Servo, State, open_bus};
+use servodance_drivers::{Bus, EStop, SafeBus, Servo, State, open_bus};
 use servodance_types::JointState;
 use std::io::BufRead;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -102,7 +104,9 @@ impl Jog<'_> {
             servo.name, servo.id, self.robot.name, self.speed_deg_s
         ))?;
         let bus = open_bus(&port, &layout.config, layout.servos)?;
-        let bus = SafeBus::new(bus, SafetyConfig::at_hz(self.robot.control_hz))?;
+        let estop = EStop::default();
+        let _watch = EmergencyStopWatch::start(&estop, None, false)?;
+        let bus = SafeBus::new(bus, self.robot.safety)?.with_estop(estop);
         let mut joint = ArmedJoint::arm(bus, servo, self.robot.period_s())?;
         let from_deg = joint.position_deg();
         joint.step_rad = self.speed_deg_s.to_radians() * self.robot.period_s();
@@ -158,7 +162,23 @@ impl StepInput {
     }
 }
 
+/// The answer to a line from the user.
+struct Told {
+    mistake: Option<String>,
+    place: String,
+}
+
+impl Told {
+    fn print(self) {
+        if let Some(mistake) = self.mistake {
+            stderr_line!("{mistake}");
+        }
+        stdout_line!("{}", self.place);
+    }
+}
+
 struct ArmedJoint {
+    output: OutputThread<Told>,
     bus: SafeBus<Box<dyn Bus>>,
     servo: Servo,
     clock: Instant,
@@ -182,6 +202,7 @@ impl ArmedJoint {
         };
         let held_rad = servo.limits.clamp_rad(state.position_rad);
         Ok(Self {
+            output: OutputThread::start(Told::print),
             states: [*state],
             bus,
             servo,
@@ -237,17 +258,17 @@ impl ArmedJoint {
             "" => Ok(()),
             _ => JogStep::parse(line).and_then(|step| self.aim(step)),
         };
-        if let Err(error) = result {
-            stderr_line!("{error}");
-        }
         let state = self.states[0];
-        stdout_line!(
-            "{} at {:.1} degrees, {:.2} A, going to {:.1}",
-            self.servo.name,
-            state.position_rad.to_degrees(),
-            state.current_a,
-            self.aim_rad.to_degrees()
-        );
+        self.output.send(Told {
+            mistake: result.err().map(|error| error.to_string()),
+            place: format!(
+                "{} at {:.1} degrees, {:.2} A, going to {:.1}",
+                self.servo.name,
+                state.position_rad.to_degrees(),
+                state.current_a,
+                self.aim_rad.to_degrees()
+            ),
+        });
     }
 
     fn tick(&mut self) -> anyhow::Result<()> {

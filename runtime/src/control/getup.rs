@@ -3,6 +3,7 @@
 
 use super::bus_choice::BusChoice;
 use super::cycle_clock::CycleClock;
+use super::emergency_stop::EmergencyStopWatch;
 use super::minimum_jerk::MinimumJerk;
 use super::robot_buses::{RobotBuses, SimulationPlan};
 use crate::process::interrupted::Interrupted;
@@ -50,6 +51,7 @@ impl GetUp<'_> {
         let lying = is_simulated.then_some(self.lying).flatten();
         let plan = SimulationPlan { world, lying, ..SimulationPlan::default() };
         let estop = EStop::default();
+        let _watch = EmergencyStopWatch::start(&estop, None, true)?;
         let mut servos = RobotBuses::open_simulating(self.robot, self.buses, speed, &estop, plan)?;
         servos.arm()?;
         let mut motion = Motion {

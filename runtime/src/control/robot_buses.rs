@@ -14,7 +14,7 @@ use crate::telemetry::following_report::{FollowingReport, ServoErrorReport};
 use crate::telemetry::pose_array::{pose_array, pose_of};
 use crate::telemetry::report::{BusReport, SafetyEvent, ViolationReport};
 use crate::world::{BodyReport, RobotWorld, WorldChoice};
-use anyhow::Context;
+use anyhow::{Context, bail};
 use servodance_drivers::{
     Bus, BusLayout, EStop, ImuKind, Port, SafeBus, SerialImu, ServoErrors, State, Transition,
     open_buses,
@@ -115,7 +115,7 @@ impl RobotBuses {
     ) -> anyhow::Result<Self> {
         let has_real = choices.iter().any(|choice| *choice != BusChoice::Sim);
         if has_real && plan.world != WorldChoice::None {
-            anyhow::bail!("--world needs the simulated bus: real servos are in the real world");
+            bail!("--world needs the simulated bus: real servos are in the real world");
         }
         // A controller on ROS 2 knows its motors itself.
         let has_servos = choices.iter().any(
@@ -123,7 +123,7 @@ impl RobotBuses {
         );
         if has_servos && robot.placeholder_servos {
             let name = &robot.name;
-            anyhow::bail!(
+            bail!(
                 "{name}: its servos are placeholders: fill in [bus] and each [[joint]], then remove \
                  placeholder_servos from its file"
             );
@@ -195,7 +195,8 @@ impl RobotBuses {
     pub fn arm(&mut self) -> anyhow::Result<Vec<String>> {
         let armed = self.bus.arm(0.0)?;
         self.states.copy_from_slice(&armed.states);
-        Ok(merge_notes(&armed.notes))
+        // Nobody has to know what a simulated servo's memory held.
+        Ok(if self.all_simulated() { Vec::new() } else { merge_notes(&armed.notes) })
     }
 
     /// One control cycle: targets through the limits to the wire, states back.
@@ -206,7 +207,9 @@ impl RobotBuses {
             self.bus.note(now_s, &told);
         }
         self.bus.command(now_s, targets_rad);
-        self.bus.tick(now_s, &mut self.states)?;
+        if self.bus.tick(now_s, &mut self.states)? == State::Disarmed {
+            bail!("{}", self.stopped_because());
+        }
         self.root = self.world.as_ref().map(|world| world.shared.root());
         self.imu = self.read_imu();
         self.advance_silently(self.period_s);
@@ -219,6 +222,12 @@ impl RobotBuses {
         }
         self.now_s = now_s;
         Ok(())
+    }
+
+    /// Why the safety layer turned torque off by itself.
+    fn stopped_because(&self) -> String {
+        let mut stops = self.bus.transitions().iter().rev().filter(|t| t.to == State::Stopping);
+        stops.next().map_or_else(|| "torque is off".into(), |stop| stop.cause.clone())
     }
 
     /// A remark, told and kept like those of the safety layer.

@@ -209,6 +209,23 @@ fn single(points: BodyPoints) -> [[f32; 3]; 22] {
     points.map(|p| [p.x as f32, p.y as f32, p.z as f32])
 }
 
+/// Turns torque on; returns what the user should know. Where that fails torque is turned off
+/// again, and those who watch are told.
+pub fn arm_watched(
+    servos: &mut RobotBuses,
+    end: Option<&mut RobotEnd>,
+) -> anyhow::Result<Vec<String>> {
+    let armed = servos.arm();
+    if armed.is_err() {
+        // What went wrong is the error; whether torque is off, the state left here.
+        let _ = servos.disarm("the servos could not be armed");
+        if let Some(end) = end {
+            publish_end(end, servos);
+        }
+    }
+    armed
+}
+
 /// The last that viewers see of a dance: torque is off, and why.
 pub fn publish_end(end: &mut RobotEnd, servos: &RobotBuses) {
     let transitions = servos.safety().transitions();

@@ -5,6 +5,7 @@ pub mod console;
 pub(crate) mod failpoint;
 pub mod interrupted;
 pub mod number_range;
+pub mod output_thread;
 pub mod progress;
 pub mod realtime;
 pub mod speed;

@@ -10,7 +10,7 @@ use super::{animation, plot_selection};
 use crate::control::control_loop::{ControlLoop, Ending, LoopRecord, disarm_cause};
 use crate::control::emergency_stop::EmergencyStopWatch;
 use crate::control::robot_buses::{RobotBuses, SimulationPlan};
-use crate::control::viewer_link::publish_end;
+use crate::control::viewer_link::{arm_watched, publish_end};
 use crate::pipeline::audio_input::{AudioChoice, AudioInput};
 use crate::pipeline::dancer::Dancer;
 use crate::pipeline::dancer_thread::DancerThread;
@@ -82,7 +82,7 @@ pub(super) fn perform(
 ) -> anyhow::Result<Outcome> {
     // Each thread inherits the priority that it is started under.
     let afterwards = OrdinaryAfterwards;
-    let Prepared { mut source, recorder, progress, shedding } = prepare(config, generator)?;
+    let Prepared { mut source, recorder, song, progress, shedding } = prepare(config, generator)?;
     let played = match &config.speaker {
         Some(_) if !config.audio.is_recording() => None, // it is heard already
         Some(speaker) => Some(PlayedSong::open(speaker, &config.audio)?),
@@ -104,7 +104,7 @@ pub(super) fn perform(
         stop,
     )?;
     control.shed_viewers(&shedding);
-    if let Some(song) = recorded_song(config, &progress) {
+    if let Some(song) = song {
         control.log.recorder.record_song(song);
     }
     control.log.motion.clone_from(&config.motion_log);
@@ -158,15 +158,7 @@ fn arm(
     if let Some(viewers) = viewers.as_deref_mut() {
         viewers.publish(|snapshot| snapshot.now.safety = State::Arming);
     }
-    let armed = servos.arm();
-    if armed.is_err() {
-        // What went wrong is told below; whether torque is off, by the state left here.
-        let _ = servos.disarm("the servos could not be armed");
-        if let Some(viewers) = viewers {
-            publish_end(viewers, servos);
-        }
-    }
-    for note in armed? {
+    for note in arm_watched(servos, viewers)? {
         progress.note(&note);
     }
     Ok(())
@@ -210,6 +202,8 @@ fn recorded_song(config: &DanceConfig, progress: &Progress) -> Option<Sound> {
 struct Prepared {
     source: MotionSource,
     recorder: Option<Recorder>,
+    /// For the recording; decoding takes long, so it is done before torque is on.
+    song: Option<Sound>,
     progress: Progress,
     shedding: LoadShedding,
 }
@@ -229,6 +223,7 @@ fn prepare(config: &DanceConfig, generator: &Generator) -> anyhow::Result<Prepar
     let progress = Progress::new(audio_s, config.quiet);
     let record = config.record.as_deref();
     let recorder = open_recorder(record, &config.robot, config.speed, &progress)?;
+    let song = recorded_song(config, &progress);
     if let Err(not_allowed) = allowed {
         progress.note(&not_allowed.to_string());
     }
@@ -249,7 +244,7 @@ fn prepare(config: &DanceConfig, generator: &Generator) -> anyhow::Result<Prepar
         Speed::Max => MotionSource::Inline(Box::new(dancer)),
         Speed::Realtime => MotionSource::Thread(DancerThread::start(dancer)?),
     };
-    Ok(Prepared { source, recorder, progress, shedding })
+    Ok(Prepared { source, recorder, song, progress, shedding })
 }
 
 fn raise_in(speed: Speed, role: ThreadRole) -> Result<(), NotAllowed> {

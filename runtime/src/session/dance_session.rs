@@ -86,6 +86,9 @@ impl Session {
         if self.end.is_alone() && !stop.load(Ordering::Relaxed) {
             bail!("whoever could say start broke down: the evening is over");
         }
+        if !self.end.torque_was_off() {
+            bail!("torque off could not be verified: cut the power");
+        }
         Ok(())
     }
 

@@ -8,7 +8,7 @@ use crate::control::idle::IdleStyle;
 use crate::control::robot_buses::RobotBuses;
 use crate::control::servo_truth_log::ServoTruthLog;
 use crate::control::timing::{LoopOptions, MotionArrival};
-use crate::control::viewer_link::publish_end;
+use crate::control::viewer_link::{arm_watched, publish_end};
 use crate::pipeline::motion_source::MotionSource;
 use crate::pipeline::stage_source::StageSource;
 use crate::process::realtime::{OrdinaryAfterwards, ThreadRole, raise};
@@ -107,7 +107,7 @@ pub fn follow(
     // A stop that was pressed meanwhile keeps it from arming, and says so.
     let is_led = wait_for_leader(&mut source, stop, &estop);
     if is_led {
-        for text in servos.arm()? {
+        for text in arm_watched(&mut servos, Some(&mut *viewers))? {
             note(&text);
         }
     }
