@@ -43,6 +43,8 @@ pub struct Outcome {
     pub report: DanceReport,
     /// Whether the user stopped it before the music was over.
     pub interrupted: bool,
+    /// Whether dead-man mode ended it: no operator was there.
+    pub unattended: bool,
 }
 
 /// Dances. `stop` may be set at any time (by Ctrl-C, say) to end it early.
@@ -147,7 +149,11 @@ pub(super) fn perform(
     disarmed.context("torque off could not be verified: cut the power")?;
     let report = report?;
     verdict(config, &report, &run.log.trace, &servos)?;
-    Ok(Outcome { report, interrupted: ending == Ending::Interrupted })
+    Ok(Outcome {
+        report,
+        interrupted: ending == Ending::Interrupted,
+        unattended: ending == Ending::Unattended,
+    })
 }
 
 fn arm(

@@ -89,20 +89,29 @@ impl Session {
         Ok(())
     }
 
-    /// One dance after another, until no song waits or a dance does not end by itself.
+    /// One dance after another, until no song waits, a dance does not end by itself, or
+    /// dead-man mode finds nobody there.
     fn dance_songs(
         &mut self,
         stop: &AtomicBool,
         each: &mut impl FnMut(&DanceConfig, &anyhow::Result<Outcome>),
     ) -> anyhow::Result<Outcome> {
+        self.end.begins_row = true;
         loop {
             let outcome = self.dance(stop);
             each(&self.config, &outcome);
-            let is_over = outcome.as_ref().is_ok_and(|outcome| !outcome.interrupted);
-            if !is_over || !self.take_song() {
+            if !self.goes_on_after(&outcome) || !self.take_song() {
                 return outcome;
             }
         }
+    }
+
+    /// Whether the next song may be danced without anybody's start.
+    fn goes_on_after(&self, outcome: &anyhow::Result<Outcome>) -> bool {
+        let Ok(outcome) = outcome else {
+            return false;
+        };
+        !outcome.interrupted && !outcome.unattended && self.end.is_attended()
     }
 
     /// Takes the next song; `false` if none waits.
