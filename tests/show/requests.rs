@@ -4,6 +4,7 @@ use clap::Parser;
 use rand::{Rng, SeedableRng};
 use servodance::cli::{Cli, Command};
 use servodance_runtime::control::idle::IdleStyle;
+use servodance_runtime::pipeline::audio_input::AudioChoice;
 use servodance_runtime::session::config::DanceConfig;
 use servodance_runtime::session::dance::Outcome;
 use servodance_runtime::session::dance_session::Session;
@@ -186,4 +187,14 @@ fn the_end_of_a_song_is_no_sign_of_an_operator() {
         assert!(end.operators.silent_s() >= began.elapsed().as_secs_f64());
     });
     assert_eq!(outcomes.len(), 2);
+}
+
+#[test]
+fn a_song_that_cannot_begin_makes_room_for_the_next() {
+    let gone = AudioChoice::File("gone.wav".into());
+    let (session, end) = session(DanceConfig { audio: gone, ..configured(&["--robot", "neck"]) });
+    session.songs().add("two.wav", [Ok(short_song())]).expect("a song");
+    let outcomes = run((session, end), |_, _| ());
+    assert_eq!(outcomes.len(), 1);
+    outcomes[0].as_ref().expect("a dance to the second song");
 }

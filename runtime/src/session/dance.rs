@@ -52,7 +52,8 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
     let generator = open_generator(config.generator.model.as_deref(), config.generator.engine)?;
     let estop = EStop::default();
     let _watch = watch_emergency_stop(config, &estop)?;
-    perform(config, &generator, stop, &estop, None)
+    let prepared = prepare(config, &generator)?;
+    perform(config, &generator, prepared, stop, &estop, None)
 }
 
 /// The weights in a file, or those that are built in.
@@ -74,17 +75,16 @@ pub(super) fn watch_emergency_stop(
     EmergencyStopWatch::start(estop, config.estop_file.clone(), keyboard)
 }
 
-/// One dance; `viewers` is the link to those who watch, if there are any.
+/// One dance that was prepared; `viewers` is the link to those who watch, if there are any.
 pub(super) fn perform(
     config: &DanceConfig,
     generator: &Generator,
+    prepared: Prepared,
     stop: &AtomicBool,
     estop: &EStop,
     mut viewers: Option<&mut RobotEnd>,
 ) -> anyhow::Result<Outcome> {
-    // Each thread inherits the priority that it is started under.
-    let afterwards = OrdinaryAfterwards;
-    let Prepared { mut source, recorder, progress, shedding } = prepare(config, generator)?;
+    let Prepared { mut source, recorder, progress, shedding, afterwards } = prepared;
     let played = match &config.speaker {
         Some(_) if !config.audio.is_recording() => None, // it is heard already
         Some(speaker) => Some(PlayedSong::open(speaker, &config.audio)?),
@@ -213,15 +213,18 @@ fn recorded_song(config: &DanceConfig, progress: &Progress) -> Option<Sound> {
 }
 
 /// What a dance needs before the buses are opened.
-struct Prepared {
+pub(super) struct Prepared {
     source: MotionSource,
     recorder: Option<Recorder>,
     progress: Progress,
     shedding: LoadShedding,
+    afterwards: OrdinaryAfterwards,
 }
 
 /// Opens audio, generator and files; refuses what cannot be used.
-fn prepare(config: &DanceConfig, generator: &Generator) -> anyhow::Result<Prepared> {
+pub(super) fn prepare(config: &DanceConfig, generator: &Generator) -> anyhow::Result<Prepared> {
+    // Each thread inherits the priority that it is started under.
+    let afterwards = OrdinaryAfterwards;
     let allowed = raise_in(config.speed, ThreadRole::Capture);
     let audio = AudioInput::open(&config.audio, config.speed)?;
     let _ = raise_in(config.speed, ThreadRole::Model); // a refusal is reported once, below
@@ -255,7 +258,7 @@ fn prepare(config: &DanceConfig, generator: &Generator) -> anyhow::Result<Prepar
         Speed::Max => MotionSource::Inline(Box::new(dancer)),
         Speed::Realtime => MotionSource::Thread(DancerThread::start(dancer)?),
     };
-    Ok(Prepared { source, recorder, progress, shedding })
+    Ok(Prepared { source, recorder, progress, shedding, afterwards })
 }
 
 fn raise_in(speed: Speed, role: ThreadRole) -> Result<(), NotAllowed> {

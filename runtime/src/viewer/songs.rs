@@ -89,9 +89,15 @@ impl Songs {
         self.lock().wait(WaitingSong { name, sound, folder: None })
     }
 
-    /// The next song, which is danced from now on.
+    /// The next song, which is danced from now on. Microphones that were closed meanwhile are
+    /// passed over.
     pub fn next(&self) -> Option<AudioChoice> {
         let mut list = self.lock();
+        let is_over =
+            |sound: &AudioChoice| matches!(sound, AudioChoice::Page(sound) if sound.is_over());
+        while list.waiting.front().is_some_and(|song| is_over(&song.sound)) {
+            list.waiting.pop_front();
+        }
         let WaitingSong { sound, folder, .. } = list.waiting.pop_front()?;
         list.number += 1;
         list.now = sound.is_recording().then(|| sound.clone());
@@ -160,6 +166,18 @@ mod tests {
         let wav = crate::viewer::song_wav::song_wav(&AudioChoice::BuiltIn).unwrap();
         songs.add(&format!("{}.wav", "音".repeat(90)), [Ok(&wav)]).unwrap();
         assert_eq!(songs.waiting(), ["音".repeat(66)]);
+    }
+
+    #[test]
+    fn a_microphone_that_was_closed_while_it_waited_is_passed_over() {
+        let songs = Songs::default();
+        let (microphone, sound) = crate::pipeline::page_sound::page_sound(48_000);
+        songs.add_microphone(sound).unwrap();
+        let wav = crate::viewer::song_wav::song_wav(&AudioChoice::BuiltIn).unwrap();
+        songs.add("two.wav", [Ok(&wav)]).unwrap();
+        drop(microphone);
+        assert!(matches!(songs.next(), Some(AudioChoice::File(_))));
+        assert!(songs.next().is_none());
     }
 
     #[test]
