@@ -52,7 +52,7 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
     let generator = open_generator(config.generator.model.as_deref(), config.generator.engine)?;
     let estop = EStop::default();
     let _watch = watch_emergency_stop(config, &estop)?;
-    let prepared = prepare(config, &generator)?;
+    let prepared = prepare(config, &generator, stop, &estop)?;
     perform(config, &generator, prepared, stop, &estop, None)
 }
 
@@ -221,8 +221,14 @@ pub(super) struct Prepared {
     afterwards: OrdinaryAfterwards,
 }
 
-/// Opens audio, generator and files; refuses what cannot be used.
-pub(super) fn prepare(config: &DanceConfig, generator: &Generator) -> anyhow::Result<Prepared> {
+/// Opens audio, generator and files; refuses what cannot be used. Live sound is waited for
+/// until `stop` is set or `estop` pressed.
+pub(super) fn prepare(
+    config: &DanceConfig,
+    generator: &Generator,
+    stop: &AtomicBool,
+    estop: &EStop,
+) -> anyhow::Result<Prepared> {
     // Each thread inherits the priority that it is started under.
     let afterwards = OrdinaryAfterwards;
     let allowed = raise_in(config.speed, ThreadRole::Capture);
@@ -253,7 +259,7 @@ pub(super) fn prepare(config: &DanceConfig, generator: &Generator) -> anyhow::Re
         let on_change = Box::new(move |text: &str| notes.note(text));
         dancer = dancer.shedding(OverloadWatch::new(shedding.clone(), on_change));
     }
-    dancer.prime()?;
+    dancer.prime(stop, estop)?;
     let source = match config.speed {
         Speed::Max => MotionSource::Inline(Box::new(dancer)),
         Speed::Realtime => MotionSource::Thread(DancerThread::start(dancer)?),

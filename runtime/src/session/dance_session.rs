@@ -8,6 +8,7 @@ use super::config::DanceConfig;
 use super::dance::{Outcome, Prepared, open_generator, perform, prepare, watch_emergency_stop};
 use crate::pipeline::audio_input::AudioChoice;
 use crate::process::console::stderr_line;
+use crate::process::interrupted::Interrupted;
 use crate::viewer::{
     Activity, RobotEnd, Scene, Songs, ViewerEnd, ViewerRequest, ViewerSettings, snapshot,
 };
@@ -99,12 +100,15 @@ impl Session {
     ) -> anyhow::Result<Outcome> {
         self.end.begins_row = true;
         loop {
-            let prepared = self.prepare();
+            let prepared = self.prepare(stop);
             if self.passes_over(&prepared, stop) {
                 continue;
             }
             let outcome = prepared.and_then(|prepared| self.dance(prepared, stop));
-            each(&self.config, &outcome);
+            let stopped = outcome.as_ref().is_err_and(|error| error.is::<Interrupted>());
+            if !stopped {
+                each(&self.config, &outcome);
+            }
             if !self.goes_on_after(&outcome) || !self.take_song() {
                 return outcome;
             }
@@ -147,7 +151,7 @@ impl Session {
     }
 
     /// What a dance needs, with the settings that viewers made last. Torque stays off.
-    fn prepare(&mut self) -> anyhow::Result<Prepared> {
+    fn prepare(&mut self, stop: &AtomicBool) -> anyhow::Result<Prepared> {
         let ViewerSettings { idle, style, seed, .. } = self.end.settings;
         self.config.idle = idle;
         self.config.generator.seed = seed;
@@ -159,7 +163,7 @@ impl Session {
             s.now.activity = Activity::Starting;
             s.now.stopped = None;
         });
-        let prepared = prepare(&self.config, &self.generator);
+        let prepared = prepare(&self.config, &self.generator, stop, &self.end.estop);
         // A microphone may have been silent for long.
         let prepared = prepared.and_then(|prepared| match self.end.is_attended() {
             true => Ok(prepared),
