@@ -4,7 +4,7 @@
 
 use crate::program::Program;
 use crate::recording::Recording;
-use crate::torque_off::alone;
+use crate::torque_off::{alone, signal};
 use serde_json::Value;
 use servodance_audio::song::{Song, SongSpec};
 use servodance_runtime::robot::Robot;
@@ -132,6 +132,38 @@ fn sound_on_standard_input_may_stay_away_for_a_while() {
     check_run(&program, &output);
 }
 
+/// Silent from the beginning: no dance has begun, and everything that stops one is heard.
+#[test]
+fn sound_that_has_not_begun_can_be_stopped() {
+    let _alone = alone();
+    for (by, code, says) in [
+        ("-TERM", 130, "stopped; torque is off"),
+        ("-INT", 130, "stopped; torque is off"),
+        ("-USR1", 1, "emergency stop (the signal SIGUSR1)"),
+    ] {
+        let program = Program::new();
+        let mut child = program
+            .command(&["dance", "-", "--robot", "neck", "--speed", "realtime", "--no-picture"])
+            .stdin(std::process::Stdio::piped())
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .expect("the program starts");
+        let pipe = child.stdin.take();
+        std::thread::sleep(Duration::from_secs(4)); // it has loaded, and waits
+        signal(&child, by);
+        let until = Instant::now() + Duration::from_secs(10);
+        while child.try_wait().expect("its state").is_none() {
+            assert!(Instant::now() < until, "it does not hear {by}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        drop(pipe);
+        let output = child.wait_with_output().expect("it ended");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{said}");
+        assert!(said.contains(says), "{said}");
+    }
+}
+
 #[cfg(not(feature = "mic"))]
 #[test]
 fn without_microphones_built_in_it_says_how_to_get_them() {
@@ -145,7 +177,6 @@ fn without_microphones_built_in_it_says_how_to_get_them() {
 #[cfg(feature = "mic")]
 mod microphone {
     use super::*;
-    use crate::torque_off::signal;
     use std::fs::{File, OpenOptions};
     use std::process::Command;
 

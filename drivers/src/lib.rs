@@ -79,6 +79,7 @@ pub use safety::{
 pub use serial::scan::{FoundServo, Readings, SerialScanner, Vitals};
 pub use serial::wire::decoder::{Decoded, Decoder, Packet};
 pub use serial::wire::framing::Framing;
+pub use serial::wire::protocol1::ErrorFlags;
 pub use serial::wire::protocol2::encode;
 pub use serial::wire::system_ports::{LatencyTimer, available_ports, latency_timer};
 pub use serial::{SerialBus, ServoDeviation};

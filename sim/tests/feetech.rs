@@ -64,6 +64,40 @@ fn a_condition_is_named_and_ends_the_cycle() {
     assert_eq!(error, "joint_2 (id 2) reports a hardware error: overload");
 }
 
+/// Bits 3 and 4 are those with which a Dynamixel servo refuses an instruction.
+#[test]
+fn overcurrent_and_angle_are_conditions_and_refuse_nothing() {
+    for (bits, named) in [(1 << 3, "overcurrent"), (1 << 4, "angle")] {
+        let (servos, sim, mut bus) = start(3);
+        bus.arm().unwrap();
+        sim.set_servo_fault(1, ServoFault::Flags(bits));
+        let mut states = vec![JointState::default(); 3];
+        let error = bus.cycle(&[0.0; 3], &mut states).unwrap_err().to_string();
+        assert_eq!(error, format!("joint_2 (id 2) reports a hardware error: {named}"));
+        bus.disarm().unwrap();
+        assert!(!any_torque(&sim, &servos));
+        assert_eq!(bus.stats().crc_errors, 0);
+    }
+}
+
+#[test]
+fn a_servo_with_a_condition_is_found_and_its_torque_turned_off() {
+    for (bits, named) in [(1 << 3, "overcurrent"), (1 << 4, "angle")] {
+        let (_, sim, bus) = start(2);
+        drop(bus);
+        sim.set_servo_fault(0, ServoFault::Flags(bits));
+        let wait = std::time::Duration::from_millis(300);
+        let open = || SerialScanner::open(sim.port_path(), STS_BAUD, Framing::Protocol1, wait);
+        let mut scanner = open().unwrap();
+        let found = scanner.everyone().unwrap();
+        let errors: Vec<_> = found.iter().map(|servo| servo.hardware_error.as_deref()).collect();
+        assert_eq!(errors, [Some(named), None]);
+        drop(scanner);
+        // Another scanner does not know who that is.
+        open().unwrap().torque_off(&found[0]).unwrap();
+    }
+}
+
 #[test]
 fn another_bus_kind_is_refused() {
     let servos = robot_of("STS3215", 1);

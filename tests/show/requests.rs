@@ -4,12 +4,13 @@ use clap::Parser;
 use rand::{Rng, SeedableRng};
 use servodance::cli::{Cli, Command};
 use servodance_runtime::control::idle::IdleStyle;
+use servodance_runtime::pipeline::audio_input::AudioChoice;
 use servodance_runtime::session::config::DanceConfig;
 use servodance_runtime::session::dance::Outcome;
 use servodance_runtime::session::dance_session::Session;
 use servodance_runtime::viewer::{Activity, ViewerEnd, ViewerRequest};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// A dance in simulated time, as the command line would set it up.
 fn configured(arguments: &[&str]) -> DanceConfig {
@@ -44,9 +45,7 @@ fn run(
         });
         let result = session.run(&stop, |_, outcome| {
             outcomes.push(match outcome {
-                Ok(outcome) => {
-                    Ok(Outcome { report: outcome.report.clone(), interrupted: outcome.interrupted })
-                }
+                Ok(outcome) => Ok(Outcome { report: outcome.report.clone(), ..*outcome }),
                 Err(error) => Err(anyhow::anyhow!("{error:#}")),
             });
         });
@@ -146,4 +145,56 @@ fn an_evening_waits_for_start_and_survives_an_emergency_stop() {
     assert!(error.to_string().contains("the test"), "{error}");
     let second = outcomes[1].as_ref().expect("a dance");
     assert_eq!(second.report.violations, Some(Default::default()));
+}
+
+/// Three seconds of sound as a file.
+fn short_song() -> Vec<u8> {
+    let mut wav = std::io::Cursor::new(Vec::new());
+    let format = hound::WavSpec {
+        channels: 1,
+        sample_rate: 16_000,
+        bits_per_sample: 16,
+        sample_format: hound::SampleFormat::Int,
+    };
+    let mut writer = hound::WavWriter::new(&mut wav, format).expect("a writer");
+    (0..48_000).for_each(|i| writer.write_sample((i % 100 * 200) as i16).expect("written"));
+    writer.finalize().expect("whole");
+    wav.into_inner()
+}
+
+#[test]
+fn songs_that_wait_are_not_danced_with_nobody_there() {
+    let config = DanceConfig { dead_man_s: Some(0.05), ..configured(&["--robot", "neck"]) };
+    let (session, end) = session(config);
+    let songs = session.songs();
+    songs.add("two.wav", [Ok(short_song())]).expect("a song");
+    let outcomes = run((session, end), |_, _| ());
+    assert_eq!(outcomes.len(), 1, "torque came back with nobody there");
+    assert!(outcomes[0].as_ref().expect("a dance").unattended);
+    assert_eq!(songs.waiting(), ["two.wav"]);
+}
+
+#[test]
+fn the_end_of_a_song_is_no_sign_of_an_operator() {
+    let config = DanceConfig { dead_man_s: Some(1e3), ..configured(&["--robot", "neck"]) };
+    let (session, end) = session(config);
+    session.songs().add("two.wav", [Ok(short_song())]).expect("a song");
+    let outcomes = run((session, end), |end, _| {
+        wait_for(end, Activity::Dancing);
+        let began = Instant::now();
+        wait_for(end, Activity::Starting);
+        wait_for(end, Activity::Dancing);
+        assert!(end.operators.silent_s() >= began.elapsed().as_secs_f64());
+    });
+    assert_eq!(outcomes.len(), 2);
+}
+
+#[test]
+fn a_song_that_cannot_begin_makes_room_for_the_next() {
+    let gone = AudioChoice::File("gone.wav".into());
+    let (session, end) = session(DanceConfig { audio: gone, ..configured(&["--robot", "neck"]) });
+    session.songs().add("two.wav", [Ok(short_song())]).expect("a song");
+    let outcomes = run((session, end), |_, _| ());
+    assert_eq!(outcomes.len(), 1);
+    outcomes[0].as_ref().expect("a dance to the second song");
 }

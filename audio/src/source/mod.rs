@@ -29,6 +29,8 @@ use pcm::PcmReader;
 
 /// Interval at which a live source polls for sound.
 const LIVE_POLL: Duration = Duration::from_millis(1);
+/// How long a live source waits for sound before it returns an empty block.
+pub const LONGEST_WAIT: Duration = Duration::from_millis(50);
 
 /// A stream of mono samples.
 pub struct AudioSource {
@@ -168,7 +170,8 @@ impl AudioSource {
     }
 
     /// Replaces the content of `block` by the next samples, -1 to 1. `false` at the
-    /// end of the source, with an empty block.
+    /// end of the source, with an empty block. A live source from which nothing comes leaves
+    /// the block empty as well, after [`LONGEST_WAIT`], so that the caller can look around.
     /// Errors: a source that breaks, or that ends before [`SHORTEST_S`].
     pub fn next_block(&mut self, block: &mut Vec<f32>) -> Result<bool, SourceError> {
         block.clear();
@@ -187,7 +190,11 @@ impl AudioSource {
 
 impl LiveReader {
     fn next_block(&mut self, block: &mut Vec<f32>) -> Result<bool, SourceError> {
-        while self.stream.read(Instant::now(), block) && block.is_empty() {
+        let began = Instant::now();
+        while self.stream.read(Instant::now(), block) {
+            if !block.is_empty() || began.elapsed() > LONGEST_WAIT {
+                return Ok(true);
+            }
             std::thread::sleep(LIVE_POLL);
         }
         if !block.is_empty() {

@@ -85,6 +85,13 @@ pub struct PcmFormat {
     pub channels: u16,
 }
 
+impl PcmFormat {
+    /// Bytes of a frame.
+    pub fn frame_bytes(&self) -> usize {
+        self.encoding.bytes() * usize::from(self.channels)
+    }
+}
+
 pub(crate) struct PcmReader {
     name: String,
     reader: Box<dyn Read + Send>,
@@ -124,7 +131,7 @@ impl PcmReader {
     /// Appends at least one sample, or returns `false` at the end.
     pub(crate) fn next_block(&mut self, block: &mut Vec<f32>) -> Result<bool, SourceError> {
         let sample_bytes = self.format.encoding.bytes();
-        let frame_bytes = sample_bytes * usize::from(self.format.channels);
+        let frame_bytes = self.format.frame_bytes();
         while self.pending.len() < frame_bytes {
             if !self.read()? {
                 return Ok(false);

@@ -229,6 +229,16 @@ fn raw_input_that_is_no_music_is_refused() {
     assert!(message(odd).contains("not 0 at 16000 Hz"));
 }
 
+#[test]
+fn live_sound_that_has_not_begun_holds_nobody_up() {
+    let (pipe, _writer) = std::io::pipe().unwrap();
+    let format = PcmFormat { encoding: PcmEncoding::S16Le, sample_rate_hz: 16_000, channels: 1 };
+    let mut source = AudioSource::live_reader("input", pipe, format).unwrap();
+    let mut block = vec![1.0];
+    assert!(source.next_block(&mut block).unwrap(), "it is not over");
+    assert_eq!(block, []);
+}
+
 /// The least of FLAC: mono, 16 bits, verbatim subframes (RFC 9639).
 mod flac {
     pub(super) const BLOCK: usize = 1024;

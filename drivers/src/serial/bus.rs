@@ -96,7 +96,7 @@ impl SerialBus {
             own_limits: vec![None; servos.len()],
             missing: vec![Missing::default(); servos.len()],
             goals: GoalTiming::new(servos.len()),
-            client: ServoClient::open(port, config, servos, family.framing())?,
+            client: ServoClient::open(port, config, servos, family)?,
             family,
             armed: false,
             returning: None,

@@ -27,6 +27,7 @@ pub(crate) mod prelude {
     pub(crate) use crate::serial::table::measure::{Measure, ServoUnits};
     pub(crate) use crate::serial::table::{Places, RegisterTable};
     pub(crate) use crate::serial::wire::framing::Framing;
+    pub(crate) use crate::serial::wire::protocol1::ErrorFlags;
     pub(crate) use crate::servo::Servo;
     pub(crate) use crate::servo::model::{DataSheet, ServoModel};
 }
@@ -44,6 +45,11 @@ pub trait ServoFamily: Sync {
 
     /// How its packets are framed.
     fn framing(&self) -> Framing;
+
+    /// What the error flags of its answers mean, in the framing of Protocol 1.
+    fn error_flags(&self) -> ErrorFlags {
+        ErrorFlags::Dynamixel
+    }
 
     /// The models that it has.
     fn models(&self) -> &'static [ServoModel];

@@ -87,15 +87,17 @@ impl Arrivals {
         self.is_live |= self.newest.is_some();
     }
 
-    /// When the first cycle shall be; `None` before enough frames were seen.
-    pub fn first_cycle(&self, period_s: f64) -> Option<Instant> {
+    /// When the first cycle shall be: within a period from `now`, for the servos' watchdogs
+    /// wait for it. `None` before enough frames were seen.
+    pub fn first_cycle(&self, period_s: f64, now: Instant) -> Option<Instant> {
         let (_, captured) = self.newest.filter(|_| self.seen >= TIMED)?;
-        let mut first = captured + self.longest + MARGIN;
-        let now = Instant::now();
-        while first < now {
-            first += Duration::from_secs_f64(period_s);
-        }
-        Some(first)
+        // The cycles lie as if one were there: sound in bursts may take longer than a period.
+        let aligned = captured + self.longest + MARGIN;
+        let ahead_s = match aligned.checked_duration_since(now) {
+            Some(ahead) => ahead.as_secs_f64(),
+            None => -now.duration_since(aligned).as_secs_f64(),
+        };
+        Some(now + Duration::from_secs_f64(ahead_s.rem_euclid(period_s)))
     }
 
     /// The time in the music at a moment.
@@ -115,13 +117,8 @@ mod tests {
     use super::*;
     use servodance_types::{Beat, JOINT_COUNT, MotionFrame, MusicFrame, SPECTRAL_DIM};
 
-    #[test]
-    fn a_frame_counts_from_its_sound_to_the_command_after_it() {
-        let start = Instant::now();
-        let at = |ms: u64| start + Duration::from_millis(ms);
-        let mut latency = LatencyLog::default();
-        latency.sent(at(5)); // nothing was known yet
-        latency.arrived(&DanceStep {
+    fn step(captured: Instant, ready: Instant) -> DanceStep {
+        DanceStep {
             music: MusicFrame {
                 time_s: 0.0,
                 spectral: [0.0; SPECTRAL_DIM],
@@ -137,9 +134,41 @@ mod tests {
             extra_styles: Default::default(),
             features_ms: 0.0,
             model_ms: 0.0,
-            captured: Some(at(10)),
-            ready: at(18),
-        });
+            captured: Some(captured),
+            ready,
+        }
+    }
+
+    #[test]
+    fn the_first_cycle_is_within_a_period_whatever_the_longest_burst() {
+        const PERIOD_S: f64 = 0.01;
+        let start = Instant::now() + Duration::from_secs(1);
+        let at = |ms: u64| start + Duration::from_millis(ms);
+        for longest_ms in [5, 20, 503, 9_007] {
+            let mut arrivals = Arrivals::default();
+            arrivals.push(&step(start, start));
+            arrivals.caught_up();
+            arrivals.push(&step(start, at(longest_ms)));
+            assert_eq!(arrivals.first_cycle(PERIOD_S, start), None, "too few were seen");
+            (1..TIMED).for_each(|_| arrivals.push(&step(start, at(3))));
+            for now in [at(4), at(700)] {
+                let first = arrivals.first_cycle(PERIOD_S, now).expect("a moment");
+                let wait_s = first.duration_since(now).as_secs_f64();
+                assert!(wait_s <= PERIOD_S, "{longest_ms} ms: {wait_s} s without a command");
+                let aligned = at(longest_ms) + MARGIN;
+                let off_s = (aligned.max(first) - aligned.min(first)).as_secs_f64() / PERIOD_S;
+                assert!((off_s - off_s.round()).abs() < 1e-3, "{longest_ms} ms: {off_s} periods");
+            }
+        }
+    }
+
+    #[test]
+    fn a_frame_counts_from_its_sound_to_the_command_after_it() {
+        let start = Instant::now();
+        let at = |ms: u64| start + Duration::from_millis(ms);
+        let mut latency = LatencyLog::default();
+        latency.sent(at(5)); // nothing was known yet
+        latency.arrived(&step(at(10), at(18)));
         latency.sent(at(22));
         latency.sent(at(30));
         let report = latency.report().expect("it was live");

@@ -67,7 +67,9 @@ impl<'a> ViewerLink<'a> {
         let ViewerSettings { amplitude, mirror, .. } = end.settings;
         retargeter.set_amplitude(amplitude);
         retargeter.set_mirror(mirror);
-        end.operators.hear(); // dead-man mode counts from torque on
+        if std::mem::take(&mut end.begins_row) {
+            end.operators.hear(); // dead-man mode counts from torque on
+        }
         let ahead = (retargeter.preview_s() / period_s).round() as usize;
         Self {
             shedding: LoadShedding::default(),

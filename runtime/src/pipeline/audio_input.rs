@@ -6,6 +6,7 @@
 
 use super::microphone::microphone;
 use super::page_sound::PageSound;
+use super::shared_pipe::standard_input;
 use crate::process::failpoint::{self, FailpointReader};
 use crate::process::speed::Speed;
 use servodance_audio::AudioSource;
@@ -72,7 +73,7 @@ impl AudioInput {
             }
             AudioChoice::File(path) => AudioSource::open(path)?,
             AudioChoice::Stdin(format) => {
-                let (reader, place) = (std::io::stdin(), "pipe");
+                let (reader, place) = (standard_input().reader(format.frame_bytes()), "pipe");
                 open_pipe("standard input", FailpointReader { reader, place }, *format)?
             }
             AudioChoice::Microphone(name) => microphone(name.as_deref())?,

@@ -6,14 +6,17 @@ use super::dance_step::{DanceChange, DanceStep, EXTRA_STYLES, MusicSummary};
 use super::feature_extractor::FeatureExtractor;
 use super::load_shedding::{LeftOut, OverloadWatch};
 use crate::process::failpoint;
+use crate::process::interrupted::Interrupted;
 use anyhow::Context;
 use servodance_audio::beats::{BeatHistory, track_offline};
 use servodance_audio::capture::CaptureEvent;
 use servodance_audio::source::SHORTEST_S;
 use servodance_audio::{MusicAnalyzer, TempoRange};
+use servodance_drivers::{EStop, SafetyError};
 use servodance_model::Dance;
 use servodance_model::conditioning::{Encodec, HeardFrame};
 use servodance_types::MotionFrame;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 /// How much of live music is remembered for its report, seconds.
@@ -74,10 +77,17 @@ impl Dancer {
     }
 
     /// Reads the first half second, so that audio that cannot be danced to is
-    /// refused before the robot is powered.
-    pub fn prime(&mut self) -> anyhow::Result<()> {
+    /// refused before the robot is powered. Live sound may be long in coming:
+    /// [`Interrupted`] where `stop` is set meanwhile, or `estop` pressed.
+    pub fn prime(&mut self, stop: &AtomicBool, estop: &EStop) -> anyhow::Result<()> {
         let enough = (SHORTEST_S * f64::from(self.audio.sample_rate_hz())) as u64;
         while !self.ended && self.samples <= enough {
+            if stop.load(Ordering::Relaxed) {
+                return Err(Interrupted.into());
+            }
+            if estop.is_pressed() {
+                return Err(SafetyError::EStop { cause: estop.cause() }.into());
+            }
             self.read_block()?;
         }
         Ok(())

@@ -19,6 +19,7 @@ pub mod model_args;
 pub(crate) mod motion_source;
 #[cfg_attr(not(feature = "view"), allow(dead_code))] // only a page has one
 pub(crate) mod page_sound;
+pub(crate) mod shared_pipe;
 pub mod song_sound;
 pub mod speaker;
 pub(crate) mod stage_source;

@@ -43,6 +43,8 @@ pub struct Outcome {
     pub report: DanceReport,
     /// Whether the user stopped it before the music was over.
     pub interrupted: bool,
+    /// Whether dead-man mode ended it: no operator was there.
+    pub unattended: bool,
 }
 
 /// Dances. `stop` may be set at any time (by Ctrl-C, say) to end it early.
@@ -50,7 +52,8 @@ pub fn dance(config: &DanceConfig, stop: &AtomicBool) -> anyhow::Result<Outcome>
     let generator = open_generator(config.generator.model.as_deref(), config.generator.engine)?;
     let estop = EStop::default();
     let _watch = watch_emergency_stop(config, &estop)?;
-    perform(config, &generator, stop, &estop, None)
+    let prepared = prepare(config, &generator, stop, &estop)?;
+    perform(config, &generator, prepared, stop, &estop, None)
 }
 
 /// The weights in a file, or those that are built in.
@@ -72,17 +75,16 @@ pub(super) fn watch_emergency_stop(
     EmergencyStopWatch::start(estop, config.estop_file.clone(), keyboard)
 }
 
-/// One dance; `viewers` is the link to those who watch, if there are any.
+/// One dance that was prepared; `viewers` is the link to those who watch, if there are any.
 pub(super) fn perform(
     config: &DanceConfig,
     generator: &Generator,
+    prepared: Prepared,
     stop: &AtomicBool,
     estop: &EStop,
     mut viewers: Option<&mut RobotEnd>,
 ) -> anyhow::Result<Outcome> {
-    // Each thread inherits the priority that it is started under.
-    let afterwards = OrdinaryAfterwards;
-    let Prepared { mut source, recorder, song, progress, shedding } = prepare(config, generator)?;
+    let Prepared { mut source, recorder, song, progress, shedding, afterwards } = prepared;
     let played = match &config.speaker {
         Some(_) if !config.audio.is_recording() => None, // it is heard already
         Some(speaker) => Some(PlayedSong::open(speaker, &config.audio)?),
@@ -147,7 +149,11 @@ pub(super) fn perform(
     disarmed.context("torque off could not be verified: cut the power")?;
     let report = report?;
     verdict(config, &report, &run.log.trace, &servos)?;
-    Ok(Outcome { report, interrupted: ending == Ending::Interrupted })
+    Ok(Outcome {
+        report,
+        interrupted: ending == Ending::Interrupted,
+        unattended: ending == Ending::Unattended,
+    })
 }
 
 fn arm(
@@ -199,17 +205,26 @@ fn recorded_song(config: &DanceConfig, progress: &Progress) -> Option<Sound> {
 }
 
 /// What a dance needs before the buses are opened.
-struct Prepared {
+pub(super) struct Prepared {
     source: MotionSource,
     recorder: Option<Recorder>,
     /// For the recording; decoding takes long, so it is done before torque is on.
     song: Option<Sound>,
     progress: Progress,
     shedding: LoadShedding,
+    afterwards: OrdinaryAfterwards,
 }
 
-/// Opens audio, generator and files; refuses what cannot be used.
-fn prepare(config: &DanceConfig, generator: &Generator) -> anyhow::Result<Prepared> {
+/// Opens audio, generator and files; refuses what cannot be used. Live sound is waited for
+/// until `stop` is set or `estop` pressed.
+pub(super) fn prepare(
+    config: &DanceConfig,
+    generator: &Generator,
+    stop: &AtomicBool,
+    estop: &EStop,
+) -> anyhow::Result<Prepared> {
+    // Each thread inherits the priority that it is started under.
+    let afterwards = OrdinaryAfterwards;
     let allowed = raise_in(config.speed, ThreadRole::Capture);
     let audio = AudioInput::open(&config.audio, config.speed)?;
     let _ = raise_in(config.speed, ThreadRole::Model); // a refusal is reported once, below
@@ -239,12 +254,12 @@ fn prepare(config: &DanceConfig, generator: &Generator) -> anyhow::Result<Prepar
         let on_change = Box::new(move |text: &str| notes.note(text));
         dancer = dancer.shedding(OverloadWatch::new(shedding.clone(), on_change));
     }
-    dancer.prime()?;
+    dancer.prime(stop, estop)?;
     let source = match config.speed {
         Speed::Max => MotionSource::Inline(Box::new(dancer)),
         Speed::Realtime => MotionSource::Thread(DancerThread::start(dancer)?),
     };
-    Ok(Prepared { source, recorder, song, progress, shedding })
+    Ok(Prepared { source, recorder, song, progress, shedding, afterwards })
 }
 
 fn raise_in(speed: Speed, role: ThreadRole) -> Result<(), NotAllowed> {

@@ -5,8 +5,10 @@
 //! dance. An emergency stop, or an error, ends a dance and not the session.
 
 use super::config::DanceConfig;
-use super::dance::{Outcome, open_generator, perform, watch_emergency_stop};
+use super::dance::{Outcome, Prepared, open_generator, perform, prepare, watch_emergency_stop};
 use crate::pipeline::audio_input::AudioChoice;
+use crate::process::console::stderr_line;
+use crate::process::interrupted::Interrupted;
 use crate::viewer::{
     Activity, RobotEnd, Scene, Songs, ViewerEnd, ViewerRequest, ViewerSettings, snapshot,
 };
@@ -92,20 +94,50 @@ impl Session {
         Ok(())
     }
 
-    /// One dance after another, until no song waits or a dance does not end by itself.
+    /// One dance after another, until no song waits, a dance does not end by itself, or
+    /// dead-man mode finds nobody there.
     fn dance_songs(
         &mut self,
         stop: &AtomicBool,
         each: &mut impl FnMut(&DanceConfig, &anyhow::Result<Outcome>),
     ) -> anyhow::Result<Outcome> {
+        self.end.begins_row = true;
         loop {
-            let outcome = self.dance(stop);
-            each(&self.config, &outcome);
-            let is_over = outcome.as_ref().is_ok_and(|outcome| !outcome.interrupted);
-            if !is_over || !self.take_song() {
+            let prepared = self.prepare(stop);
+            if self.passes_over(&prepared, stop) {
+                continue;
+            }
+            let outcome = prepared.and_then(|prepared| self.dance(prepared, stop));
+            let stopped = outcome.as_ref().is_err_and(|error| error.is::<Interrupted>());
+            if !stopped {
+                each(&self.config, &outcome);
+            }
+            if !self.goes_on_after(&outcome) || !self.take_song() {
                 return outcome;
             }
         }
+    }
+
+    /// Takes the next song where one could not begin; `false` where there is none, or nobody
+    /// wants it.
+    fn passes_over(&mut self, prepared: &anyhow::Result<Prepared>, stop: &AtomicBool) -> bool {
+        let Err(error) = prepared else {
+            return false;
+        };
+        let is_stopped = stop.load(Ordering::Relaxed) || self.end.estop.is_pressed();
+        if is_stopped || !self.end.is_attended() || !self.take_song() {
+            return false;
+        }
+        stderr_line!("{error:#}; the next song is taken");
+        true
+    }
+
+    /// Whether the next song may be danced without anybody's start.
+    fn goes_on_after(&self, outcome: &anyhow::Result<Outcome>) -> bool {
+        let Ok(outcome) = outcome else {
+            return false;
+        };
+        !outcome.interrupted && !outcome.unattended && self.end.is_attended()
     }
 
     /// Takes the next song; `false` if none waits.
@@ -121,8 +153,8 @@ impl Session {
         is_there
     }
 
-    /// One dance with the settings that viewers made last.
-    fn dance(&mut self, stop: &AtomicBool) -> anyhow::Result<Outcome> {
+    /// What a dance needs, with the settings that viewers made last. Torque stays off.
+    fn prepare(&mut self, stop: &AtomicBool) -> anyhow::Result<Prepared> {
         let ViewerSettings { idle, style, seed, .. } = self.end.settings;
         self.config.idle = idle;
         self.config.generator.seed = seed;
@@ -134,21 +166,21 @@ impl Session {
             s.now.activity = Activity::Starting;
             s.now.stopped = None;
         });
+        let prepared = prepare(&self.config, &self.generator, stop, &self.end.estop);
+        // A microphone may have been silent for long.
+        let prepared = prepared.and_then(|prepared| match self.end.is_attended() {
+            true => Ok(prepared),
+            false => bail!("no operator is there any more: torque stays off"),
+        });
+        prepared.inspect_err(|error| show_error(&mut self.end, error))
+    }
+
+    /// One dance.
+    fn dance(&mut self, prepared: Prepared, stop: &AtomicBool) -> anyhow::Result<Outcome> {
         let estop = self.end.estop.clone();
         let end = Some(&mut self.end);
-        let outcome = perform(&self.config, &self.generator, stop, &estop, end);
-        if let Err(error) = &outcome {
-            let cause = format!("{error:#}");
-            self.end.publish(|snapshot| {
-                snapshot.now.activity = Activity::Over;
-                snapshot.push_event(snapshot::ViewerEvent {
-                    time_s: snapshot.now.robot_s,
-                    state: "error",
-                    cause,
-                });
-            });
-        }
-        outcome
+        let outcome = perform(&self.config, &self.generator, prepared, stop, &estop, end);
+        outcome.inspect_err(|error| show_error(&mut self.end, error))
     }
 
     /// Waits for `start`; false if the session is over.
@@ -172,4 +204,15 @@ impl Session {
         }
         false
     }
+}
+
+/// The last that viewers see of a dance that an error ended.
+fn show_error(end: &mut RobotEnd, error: &anyhow::Error) {
+    let cause = format!("{error:#}");
+    end.publish(|snapshot| {
+        snapshot.now.activity = Activity::Over;
+        let time_s = snapshot.now.robot_s;
+        snapshot.push_event(snapshot::ViewerEvent { time_s, state: "error", cause });
+    });
+    end.confirm_stop(end.torque_was_off());
 }

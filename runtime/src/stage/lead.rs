@@ -23,6 +23,7 @@ use crate::viewer::{Server, Songs};
 use anyhow::bail;
 use serde::{Deserialize, Serialize};
 use servodance_audio::capture::CaptureEvent;
+use servodance_drivers::EStop;
 use servodance_retarget::PostureReader;
 use servodance_stage::messages::{MAX_LOOK_BYTES, StageFrame};
 use servodance_stage::net::{
@@ -112,7 +113,7 @@ pub fn lead(
     let notes = progress.clone();
     let on_notice = Box::new(move |notice: &CaptureEvent| notes.note(&notice.to_string()));
     let mut dancer = Dancer::new(audio, dance, encodec.as_ref(), on_notice)?;
-    dancer.prime()?;
+    dancer.prime(stop, &EStop::default())?;
 
     let net = open(&options.place)?;
     let term = term(&net, &keys, options)?;

@@ -29,6 +29,8 @@ pub struct RobotEnd {
     pub operators: OperatorWatch,
     /// Dead-man mode: how long the robot dances on without an operator, seconds.
     pub dead_man_s: Option<f64>,
+    /// Somebody began the next dance, rather than the end of the one before.
+    pub begins_row: bool,
 }
 
 struct ViewerChannel {
@@ -63,6 +65,7 @@ impl RobotEnd {
             settings,
             operators: OperatorWatch::default(),
             dead_man_s: None,
+            begins_row: true,
         }
     }
 
@@ -90,6 +93,13 @@ impl RobotEnd {
             viewer.snapshots.input_buffer_mut().copy_from(&self.draft);
             viewer.snapshots.publish();
         }
+    }
+
+    /// Whether dead-man mode lets a dance begin: somebody has just asked for it, or an
+    /// operator was heard lately, or need not be.
+    pub fn is_attended(&self) -> bool {
+        let is_silent = |allowed_s| self.operators.silent_s() > allowed_s;
+        self.begins_row || !self.dead_man_s.is_some_and(is_silent)
     }
 
     /// Tells viewers whether the emergency stop has stopped the robot: for the thread that

@@ -14,6 +14,8 @@ use tempfile::TempDir;
 
 /// Most songs that wait.
 const MOST: usize = 32;
+/// Most bytes of a song's name: file systems take 255.
+const LONGEST_NAME: usize = 200;
 /// Most bytes of a song.
 pub const MOST_BYTES: usize = 40_000_000;
 
@@ -87,9 +89,15 @@ impl Songs {
         self.lock().wait(WaitingSong { name, sound, folder: None })
     }
 
-    /// The next song, which is danced from now on.
+    /// The next song, which is danced from now on. Microphones that were closed meanwhile are
+    /// passed over.
     pub fn next(&self) -> Option<AudioChoice> {
         let mut list = self.lock();
+        let is_over =
+            |sound: &AudioChoice| matches!(sound, AudioChoice::Page(sound) if sound.is_over());
+        while list.waiting.front().is_some_and(|song| is_over(&song.sound)) {
+            list.waiting.pop_front();
+        }
         let WaitingSong { sound, folder, .. } = list.waiting.pop_front()?;
         list.number += 1;
         list.now = sound.is_recording().then(|| sound.clone());
@@ -119,10 +127,14 @@ fn write(
     Ok(())
 }
 
-/// A name without folders or what a line cannot show.
+/// A name without folders or what a line cannot show, short enough for a file system.
 fn last_part(name: &str) -> String {
     let name = name.rsplit(['/', '\\']).next().unwrap_or_default();
-    name.chars().filter(|c| !c.is_control()).take(100).collect()
+    let mut shown: String = name.chars().filter(|c| !c.is_control()).collect();
+    while shown.len() > LONGEST_NAME {
+        shown.pop();
+    }
+    shown
 }
 
 #[cfg(all(test, feature = "view"))]
@@ -144,6 +156,28 @@ mod tests {
         assert!(matches!(songs.now(), Some((1, AudioChoice::File(now))) if now == path));
         songs.next();
         assert!(!path.exists(), "a song that is over leaves nothing behind");
+    }
+
+    #[test]
+    fn a_long_name_is_cut_between_characters_so_that_a_file_can_have_it() {
+        assert_eq!(last_part("a/song.wav"), "song.wav");
+        assert_eq!(last_part(&"x".repeat(300)).len(), LONGEST_NAME);
+        let songs = Songs::default();
+        let wav = crate::viewer::song_wav::song_wav(&AudioChoice::BuiltIn).unwrap();
+        songs.add(&format!("{}.wav", "音".repeat(90)), [Ok(&wav)]).unwrap();
+        assert_eq!(songs.waiting(), ["音".repeat(66)]);
+    }
+
+    #[test]
+    fn a_microphone_that_was_closed_while_it_waited_is_passed_over() {
+        let songs = Songs::default();
+        let (microphone, sound) = crate::pipeline::page_sound::page_sound(48_000);
+        songs.add_microphone(sound).unwrap();
+        let wav = crate::viewer::song_wav::song_wav(&AudioChoice::BuiltIn).unwrap();
+        songs.add("two.wav", [Ok(&wav)]).unwrap();
+        drop(microphone);
+        assert!(matches!(songs.next(), Some(AudioChoice::File(_))));
+        assert!(songs.next().is_none());
     }
 
     #[test]

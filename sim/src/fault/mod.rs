@@ -50,6 +50,8 @@ pub enum ServoFault {
     Free,
     /// It shuts down from overload now.
     Overload,
+    /// It shuts down now and reports these bits of its error byte. Servos of byte memory alone.
+    Flags(u8),
     /// Its own watchdog stops it now, if it has one.
     Trip,
     /// Its supply changes, volts.

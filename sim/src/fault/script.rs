@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! 3s    joint_3  dead           dead, revive, reboot, jam, free, overload,
-//! 4s    joint_3  overheat 85    overheat CELSIUS, supply VOLTS, id N, baud N
+//! 4s    joint_3  overheat 85    overheat CELSIUS, supply VOLTS, flags BITS, id N, baud N
 //! 5s    wire     corrupt 0.01   drop, late (60 ms), corrupt, truncate, duplicate,
 //! 6s    wire     clear          noise, echo, corrupt-instruction: each with a SHARE
 //! 7s    adapter  gone           gone, back; bus-off, bus-on (CAN)
@@ -188,6 +188,12 @@ fn servo_fault(fault: &str, value: Option<f64>) -> Result<ServoFault, String> {
             }
             baud => return Err(format!("baud {baud} is not 1 to 10000000")),
         },
+        "flags" => match needed? {
+            bits if (0.0..=255.0).contains(&bits) && bits.fract() == 0.0 => {
+                ServoFault::Flags(bits as u8)
+            }
+            bits => return Err(format!("flags {bits} is not 0 to 255")),
+        },
         "id" => match needed? {
             id if (0.0..=252.0).contains(&id) && id.fract() == 0.0 => ServoFault::Id(id as u8),
             id => return Err(format!("id {id} is not 0 to 252")),
@@ -195,7 +201,7 @@ fn servo_fault(fault: &str, value: Option<f64>) -> Result<ServoFault, String> {
         _ => {
             return Err(format!(
                 "no fault \"{fault}\"; a servo can be dead, revive, reboot, jam, free, overload, trip, \
-                 overheat CELSIUS, supply VOLTS, id N, baud N"
+                 overheat CELSIUS, supply VOLTS, flags BITS, id N, baud N"
             ));
         }
     })
@@ -305,6 +311,7 @@ mod tests {
             ("1s knee overheat", "overheat needs a number"),
             ("1s knee overheat nan", "is no number"),
             ("1s knee id 300", "id 300 is not 0 to 252"),
+            ("1s knee flags 256", "flags 256 is not 0 to 255"),
             ("1s knee baud 0.5", "baud 0.5 is not 1"),
             ("1s push 1 0", "a push needs a direction"),
             ("1s push 0 0 1", "a push needs a direction"),

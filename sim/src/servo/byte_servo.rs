@@ -420,6 +420,7 @@ impl LineServo for ByteServo {
                     self.raise(own.conditions.2);
                 }
             }
+            Some(ServoFault::Flags(bits)) => self.raise(bits),
             Some(ServoFault::Id(id)) => {
                 self.put_id(id);
                 self.permanent = self.memory[..self.layout.ram].to_vec();

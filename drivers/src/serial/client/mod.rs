@@ -13,9 +13,9 @@ use crate::bus::config::BusConfig;
 use crate::bus::error_counters::ErrorCounters;
 use crate::error::{BusError, BusResult, Refusal, ServoId};
 use crate::serial::deviation::{Deviation, Remedy};
+use crate::serial::family::ServoFamily;
 use crate::serial::patience::Patience;
 use crate::serial::register::Register;
-use crate::serial::wire::framing::Framing;
 use crate::serial::wire::port::{PacketPort, Received};
 use crate::serial::wire::stale_replies::ServoRequest;
 use crate::servo::Servo;
@@ -59,10 +59,13 @@ impl ServoClient {
         port: &str,
         config: BusConfig,
         servos: Vec<Servo>,
-        framing: Framing,
+        family: &dyn ServoFamily,
     ) -> BusResult<Self> {
+        let (framing, clock) = (family.framing(), config.reply_clock.clone());
+        let mut port = PacketPort::open(port, config.baud, framing, clock)?;
+        port.read_flags_as(family.error_flags());
         Ok(Self {
-            port: PacketPort::open(port, config.baud, framing, config.reply_clock.clone())?,
+            port,
             answered: vec![false; servos.len()],
             aside: vec![false; servos.len()],
             unheard_questions: 0,

@@ -45,6 +45,10 @@ impl ServoFamily for Feetech {
         Framing::Protocol1
     }
 
+    fn error_flags(&self) -> ErrorFlags {
+        ErrorFlags::Conditions
+    }
+
     fn models(&self) -> &'static [ServoModel] {
         MODELS
     }

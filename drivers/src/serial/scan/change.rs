@@ -13,6 +13,7 @@ impl SerialScanner {
     /// servo to servo come damaged. Two that say the very same cannot be told from one.
     pub fn is_doubled(&mut self, servo: &FoundServo) -> BusResult<bool> {
         let service = servo.service;
+        self.know(servo);
         let differing = [Some(service.position), service.clock, Some(service.voltage)];
         for _ in 0..LOOKS {
             for register in differing.into_iter().flatten() {
@@ -30,6 +31,7 @@ impl SerialScanner {
     /// where it then answers. The caller has looked that `id` is free.
     pub fn set_id(&mut self, servo: &FoundServo, id: u8) -> BusResult<()> {
         let service = servo.service;
+        self.families.insert(id, servo.family);
         self.unlock(servo)?;
         // Some firmware confirms from the old id, some from the new one, some
         // not at all: the id that is read back decides.
@@ -60,6 +62,7 @@ impl SerialScanner {
 
     /// Permanent memory may not be written any more, where a servo knows such a thing.
     pub fn lock(&mut self, servo: &FoundServo, id: u8) -> BusResult<()> {
+        self.families.insert(id, servo.family);
         match servo.service.lock {
             Some(lock) => self.write(id, lock, 1),
             None => Ok(()),

@@ -31,6 +31,7 @@ impl FoundServo {
 impl SerialScanner {
     /// The bits of one register. A servo may refuse one that its firmware does not have.
     pub fn bits(&mut self, servo: &FoundServo, register: Register) -> BusResult<u64> {
+        self.know(servo);
         self.read(servo.id, register)?.ok_or_else(|| silent(servo.id, register.name))
     }
 
@@ -59,6 +60,7 @@ impl SerialScanner {
         entry: &TableEntry,
         bits: u64,
     ) -> BusResult<()> {
+        self.know(servo);
         if entry.access != Access::Eeprom {
             return self.set(servo.id, entry.register, bits);
         }
@@ -93,6 +95,7 @@ impl SerialScanner {
 
     /// What a servo measures; `None` if it is silent.
     pub fn readings(&mut self, servo: &FoundServo) -> BusResult<Option<Readings>> {
+        self.know(servo);
         let Some(present) = self.read_bytes(servo.id, servo.family.registers().present)? else {
             return Ok(None);
         };

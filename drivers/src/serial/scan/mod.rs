@@ -15,6 +15,7 @@ mod sweep;
 
 pub use memory::Readings;
 
+use std::collections::HashMap;
 use std::time::{Duration, Instant};
 
 use dynamixel2::instructions::instruction_id as instruction;
@@ -27,6 +28,7 @@ use crate::serial::register::{Register, names_of};
 use crate::serial::registers::{Identity, ServiceRegisters};
 use crate::serial::wire::framing::Framing;
 use crate::serial::wire::port::{PacketPort, Received};
+use crate::serial::wire::protocol1::ErrorFlags;
 use crate::serial::wire::stale_replies::ServoRequest;
 use crate::servo::model::ServoModel;
 
@@ -91,6 +93,8 @@ pub struct SerialScanner {
     port: PacketPort,
     baud: u32,
     wait: Duration,
+    /// Whose family is known: it says what an error flag means.
+    families: HashMap<u8, &'static dyn ServoFamily>,
 }
 
 impl SerialScanner {
@@ -113,7 +117,13 @@ impl SerialScanner {
 
     /// Opens `port`. `wait` is how long a servo may take to answer beyond the time on the wire.
     pub fn open(port: &str, baud: u32, framing: Framing, wait: Duration) -> BusResult<Self> {
-        Ok(Self { port: PacketPort::open(port, baud, framing, ReplyClock::Wall)?, baud, wait })
+        let port = PacketPort::open(port, baud, framing, ReplyClock::Wall)?;
+        Ok(Self { port, baud, wait, families: HashMap::new() })
+    }
+
+    /// Before a servo is spoken to that another scanner may have found.
+    fn know(&mut self, servo: &FoundServo) {
+        self.families.insert(servo.id, servo.family);
     }
 
     /// Asks one id; `None` if nobody answers.
@@ -123,14 +133,15 @@ impl SerialScanner {
 
     fn ping_tries(&mut self, id: u8, tries: u32) -> BusResult<Option<FoundServo>> {
         let reply = self.port.framing().ping_params();
+        self.families.remove(&id); // it may be another servo than before
         let answer = self.ask(id, instruction::PING, &[], reply, "ping", tries)?;
         match answer {
-            Some((alert, params)) => self.identify(id, alert, &params),
+            Some((flags, params)) => self.identify(id, flags, &params),
             None => Ok(None),
         }
     }
 
-    fn identify(&mut self, id: u8, alert: bool, answer: &[u8]) -> BusResult<Option<FoundServo>> {
+    fn identify(&mut self, id: u8, flags: u8, answer: &[u8]) -> BusResult<Option<FoundServo>> {
         let known = match self.port.framing() {
             Framing::Protocol2 => families(Framing::Protocol2)
                 .find_map(|(family, service)| Some((family, service, family.identity(answer)?))),
@@ -145,6 +156,7 @@ impl SerialScanner {
         let Some((family, service, identity)) = known else {
             return Ok(None);
         };
+        self.families.insert(id, family);
         let mut found = FoundServo {
             baud: self.baud,
             id,
@@ -155,7 +167,11 @@ impl SerialScanner {
             family,
             service,
         };
-        if alert {
+        let error = match self.port.framing() {
+            Framing::Protocol2 => flags,
+            Framing::Protocol1 => family.error_flags().error_of(flags),
+        };
+        if error & 0x80 != 0 {
             let flags = match service.status {
                 Some(register) => self.read(id, register)?,
                 None => None,
@@ -168,6 +184,7 @@ impl SerialScanner {
 
     /// How a servo is; `None` if it falls silent.
     pub fn vitals(&mut self, servo: &FoundServo) -> BusResult<Option<Vitals>> {
+        self.know(servo);
         let service = servo.service;
         let mut values = [0; 4];
         let registers = [
@@ -193,6 +210,7 @@ impl SerialScanner {
 
     /// Turns a servo's torque off and reads it back.
     pub fn torque_off(&mut self, servo: &FoundServo) -> BusResult<()> {
+        self.know(servo);
         self.set(servo.id, servo.family.registers().torque, 0)
     }
 
@@ -250,7 +268,7 @@ impl SerialScanner {
         }
     }
 
-    /// One instruction to one id: alert bit and parameters of its answer, `None` if nobody answers.
+    /// One instruction to one id: error flags and parameters of its answer, `None` if nobody answers.
     fn ask(
         &mut self,
         id: u8,
@@ -259,7 +277,11 @@ impl SerialScanner {
         reply: usize,
         doing: &'static str,
         tries: u32,
-    ) -> BusResult<Option<(bool, Vec<u8>)>> {
+    ) -> BusResult<Option<(u8, Vec<u8>)>> {
+        // While nobody knows whose flags they are, an answer that came whole is one.
+        let family = self.families.get(&id);
+        let meaning = family.map_or(ErrorFlags::Conditions, |family| family.error_flags());
+        self.port.read_flags_as(meaning);
         let request = ServoRequest { id, instruction, params, reply };
         let bytes = 2 * self.port.framing().status_bytes() + params.len() + reply;
         let wait = self.port.time(bytes) + self.wait;
@@ -281,7 +303,7 @@ impl SerialScanner {
                         }
                         match Refusal(packet.error()) {
                             Refusal(0) if packet.params().len() == reply => {
-                                return Ok(Some((packet.alert(), packet.params().to_vec())));
+                                return Ok(Some((packet.flags(), packet.params().to_vec())));
                             }
                             Refusal(0) | Refusal::CRC => corrupt = true,
                             refusal => {

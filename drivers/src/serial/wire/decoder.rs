@@ -11,7 +11,8 @@ use dynamixel2::instructions::instruction_id::STATUS;
 use dynamixel2::instructions::packet_id::BROADCAST;
 
 use crate::serial::wire::framing::Framing;
-use crate::serial::wire::{protocol1, protocol2};
+use crate::serial::wire::protocol1::{self, ErrorFlags};
+use crate::serial::wire::protocol2;
 
 /// A status packet that came in sound.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,6 +70,8 @@ pub enum Decoded {
 #[derive(Clone, Debug, Default)]
 pub struct Decoder {
     framing: Framing,
+    /// How the error flags of Protocol 1 are read.
+    error_flags: ErrorFlags,
     buffer: Vec<u8>,
     longest: usize,
     id: u8,
@@ -83,6 +86,11 @@ impl Decoder {
     /// A decoder of status packets in this framing.
     pub fn new(framing: Framing) -> Self {
         Self { framing, ..Self::default() }
+    }
+
+    /// How the error flags of Protocol 1 are read from now on: as Dynamixel's without this.
+    pub fn read_flags_as(&mut self, error_flags: ErrorFlags) {
+        self.error_flags = error_flags;
     }
 
     /// Forgets all bytes, and from now on takes a packet whose length field
@@ -148,7 +156,7 @@ impl Decoder {
         self.id = self.buffer[2];
         self.body.clear();
         self.flags = self.buffer[protocol1::PREFIX];
-        self.body.push(protocol1::error_of(self.flags));
+        self.body.push(self.error_flags.error_of(self.flags));
         self.body.extend_from_slice(&self.buffer[protocol1::PREFIX + 1..end - 1]);
         self.buffer.drain(..end);
         Decoded::Packet

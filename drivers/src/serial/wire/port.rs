@@ -13,6 +13,7 @@ use crate::error::{BusError, BusResult};
 use crate::serial::wire::decoder::{Decoded, Decoder, Packet};
 use crate::serial::wire::framing::Framing;
 use crate::serial::wire::open_error::remedy;
+use crate::serial::wire::protocol1::ErrorFlags;
 use crate::serial::wire::stale_replies::{ServoRequest, StaleReplies};
 use crate::serial::wire::stream::PortStream;
 use crate::serial::wire::system_ports::latency_timer;
@@ -88,6 +89,11 @@ impl PacketPort {
 
     pub fn framing(&self) -> Framing {
         self.framing
+    }
+
+    /// How the error flags of Protocol 1 are read from now on.
+    pub fn read_flags_as(&mut self, error_flags: ErrorFlags) {
+        self.decoder.read_flags_as(error_flags);
     }
 
     /// When all that was sent has passed over the wire.

@@ -20,16 +20,29 @@ pub fn checksum(bytes: &[u8]) -> u8 {
     !bytes.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte))
 }
 
-/// The error flags as this crate has them: the number of a refusal, and
-/// 0x80 where the servo reports its own condition (supply, angle, heat, load).
-pub fn error_of(flags: u8) -> u8 {
-    let number = match flags {
-        _ if flags & 0x10 != 0 => 3, // checksum
-        _ if flags & 0x40 != 0 => 2, // instruction
-        _ if flags & 0x08 != 0 => 4, // range
-        _ => 0,
-    };
-    number | u8::from(flags & 0x27 != 0) << 7
+/// What a family means by the error flags of its answers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ErrorFlags {
+    /// Dynamixel: some bits are the servo's condition, others refuse the instruction.
+    #[default]
+    Dynamixel,
+    /// Feetech: every bit is a condition, and nothing is ever refused.
+    Conditions,
+}
+
+impl ErrorFlags {
+    /// The error flags as this crate has them: the number of a refusal, and
+    /// 0x80 where the servo reports its own condition (supply, angle, heat, load).
+    pub fn error_of(self, flags: u8) -> u8 {
+        let (number, conditions) = match self {
+            Self::Conditions => (0, 0x3F),
+            Self::Dynamixel if flags & 0x10 != 0 => (3, 0x27), // checksum
+            Self::Dynamixel if flags & 0x40 != 0 => (2, 0x27), // instruction
+            Self::Dynamixel if flags & 0x08 != 0 => (4, 0x27), // range
+            Self::Dynamixel => (0, 0x27),
+        };
+        number | u8::from(flags & conditions != 0) << 7
+    }
 }
 
 #[cfg(test)]
@@ -45,9 +58,18 @@ mod tests {
 
     #[test]
     fn flags_become_refusals_and_alerts() {
+        let error_of = |flags| ErrorFlags::Dynamixel.error_of(flags);
         assert_eq!(error_of(0), 0);
         assert_eq!(error_of(0x10), 3);
         assert_eq!(error_of(0x20), 0x80);
         assert_eq!(error_of(0x44), 0x82);
+    }
+
+    #[test]
+    fn a_feetech_servo_reports_conditions_and_refuses_nothing() {
+        assert_eq!(ErrorFlags::Conditions.error_of(0), 0);
+        for bit in 0..6 {
+            assert_eq!(ErrorFlags::Conditions.error_of(1 << bit), 0x80, "bit {bit}");
+        }
     }
 }

@@ -36,7 +36,8 @@ impl ControlLoop<'_> {
                 }
                 Polled::Late | Polled::Away => {
                     arrivals.caught_up();
-                    if let Some(first) = arrivals.first_cycle(self.robot.period_s()) {
+                    if let Some(first) = arrivals.first_cycle(self.robot.period_s(), Instant::now())
+                    {
                         std::thread::sleep(first.saturating_duration_since(Instant::now()));
                         self.clock.cycles.start_at(first);
                         self.clock.music_start_s = -arrivals.music_s(first);

@@ -62,6 +62,8 @@ pub struct ControlLoop<'a> {
     balance: Option<Balance>,
     viewers: Option<ViewerLink<'a>>,
     dead_man: Option<DeadMan>,
+    /// Dead-man mode has ended the dance.
+    unattended: bool,
     /// Where the music that is played learns when it begins.
     played: Option<MusicStart>,
     pub log: LoopLog,
@@ -103,6 +105,7 @@ impl<'a> ControlLoop<'a> {
             viewers: viewers
                 .map(|end| ViewerLink::new(end, &mut plan.retargeter, robot.period_s())),
             dead_man,
+            unattended: false,
             played: None,
             balance: Balance::new(robot, &plan.retargeter, servos),
             plan,
@@ -210,9 +213,10 @@ impl<'a> ControlLoop<'a> {
                 return self.give_way();
             }
         }
-        Ok(match self.stop_requested {
-            true => Ending::Stopped,
-            false => Ending::Finished,
+        Ok(match (self.unattended, self.stop_requested) {
+            (true, _) => Ending::Unattended,
+            (false, true) => Ending::Stopped,
+            (false, false) => Ending::Finished,
         })
     }
 
@@ -307,7 +311,7 @@ impl<'a> ControlLoop<'a> {
             }
             Some(DeadManAction::Rest) => {
                 self.servos.note(&format!("no operator for {silent_s:.1} s: going to rest"));
-                self.stop_requested = true;
+                (self.stop_requested, self.unattended) = (true, true);
                 viewers.hold = false;
             }
             None => {}

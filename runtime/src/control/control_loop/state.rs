@@ -39,6 +39,8 @@ impl LoopState {
 pub enum Ending {
     Finished,
     Stopped,
+    /// Dead-man mode: no operator was there any more.
+    Unattended,
     /// The robot fell: it has given way, and torque is to go off.
     Fell,
     /// Ctrl-C, or the caller's `stop`.
@@ -49,7 +51,7 @@ pub enum Ending {
 pub fn disarm_cause(ending: &anyhow::Result<Ending>, finished: &'static str) -> &'static str {
     match ending {
         Ok(Ending::Finished) => finished,
-        Ok(Ending::Stopped) => "stopped on request",
+        Ok(Ending::Stopped | Ending::Unattended) => "stopped on request",
         Ok(Ending::Fell) => "the robot fell",
         Ok(Ending::Interrupted) => "stopped by the user",
         Err(_) => "an error",

@@ -9,10 +9,14 @@ use super::guard::Role;
 use std::collections::{HashMap, VecDeque};
 use std::net::IpAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 
 /// A request must show its token within so long, seconds.
 pub const STRANGER_S: u64 = 2;
+/// A request and its answer take no longer: the music over a slow network. What is sent to
+/// us may pause no longer.
+const REQUEST: Duration = Duration::from_secs(60);
 const STRANGERS: usize = 64;
 const STRANGERS_OF_A_HOST: usize = 32;
 const OPERATORS: usize = 32;
@@ -48,6 +52,8 @@ pub struct Connection {
     id: u64,
     host: IpAddr,
     role: Mutex<Option<Role>>,
+    /// When it began, or the newest piece of what it sends came.
+    progress: Mutex<Instant>,
 }
 
 impl Connections {
@@ -68,7 +74,9 @@ impl Connections {
         let id = places.newest;
         places.strangers.push_back(Stranger { id, host, turn_away });
         drop(places);
-        (Connection { all: Arc::clone(self), id, host, role: Mutex::default() }, turned_away)
+        let (all, role) = (Arc::clone(self), Mutex::default());
+        let progress = Mutex::new(Instant::now());
+        (Connection { all, id, host, role, progress }, turned_away)
     }
 
     fn places(&self) -> MutexGuard<'_, Places> {
@@ -77,6 +85,17 @@ impl Connections {
 }
 
 impl Connection {
+    /// A piece of what is sent to us has come.
+    pub fn goes_on(&self, now: Instant) {
+        *self.progress.lock().unwrap_or_else(PoisonError::into_inner) = now;
+    }
+
+    /// How much longer it may take without progress.
+    pub fn left(&self, now: Instant) -> Duration {
+        let progress = *self.progress.lock().unwrap_or_else(PoisonError::into_inner);
+        REQUEST.saturating_sub(now.saturating_duration_since(progress))
+    }
+
     /// Gives a place to who has shown a token; false if there is none.
     pub fn admit(&self, role: Role) -> bool {
         let mut held = self.role.lock().unwrap_or_else(PoisonError::into_inner);
@@ -132,6 +151,19 @@ mod tests {
 
     fn host(last: u8) -> IpAddr {
         IpAddr::from([192, 168, 1, last])
+    }
+
+    #[test]
+    fn a_slow_song_has_time_as_long_as_it_goes_on() {
+        let (connection, _) = Arc::new(Connections::default()).enter(host(1));
+        let began = Instant::now();
+        assert!(connection.left(began) <= REQUEST);
+        for piece in 1..10 {
+            let now = began + piece * REQUEST * 2 / 3;
+            assert!(!connection.left(now).is_zero(), "piece {piece}");
+            connection.goes_on(now);
+        }
+        assert!(connection.left(began + 7 * REQUEST).is_zero());
     }
 
     #[test]

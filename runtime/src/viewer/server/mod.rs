@@ -2,8 +2,8 @@
 //!
 //! A flood of requests does not delay the dance: the control loop is in another thread and
 //! never waits (see [`mod@crate::viewer::link`]); `connections.rs` says how many may be open;
-//! a request has to be whole within [`REQUEST_S`]; little is buffered for a slow reader, who
-//! then misses frames.
+//! a request has to be whole within a minute, a song may not stop coming for as long; little is
+//! buffered for a slow reader, who then misses frames.
 
 mod connections;
 mod guard;
@@ -20,7 +20,7 @@ mod state;
 mod stop_presses;
 mod upload;
 
-use self::connections::{Connections, STRANGER_S};
+use self::connections::{Connection, Connections, STRANGER_S};
 use self::guard::Tokens;
 use self::invitation::Invitation;
 use self::robot_page::RobotPage;
@@ -47,8 +47,6 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::oneshot;
 use tokio::time::MissedTickBehavior;
 
-/// A request and its answer take no longer, seconds: the music over a slow network.
-const REQUEST_S: u64 = 60;
 const FRAMES_HZ: f64 = 30.0;
 /// Bytes that the system may keep for a slow reader: a few frames.
 const SEND_BUFFER: usize = 64 * 1024;
@@ -201,10 +199,11 @@ async fn welcome(listener: TcpListener, state: Arc<ServerState>) {
         match listener.accept().await {
             Ok((stream, from)) => {
                 let (connection, turned_away) = connections.enter(from.ip());
-                let routes = routes.clone().layer(Extension(Arc::new(connection)));
+                let connection = Arc::new(connection);
+                let routes = routes.clone().layer(Extension(Arc::clone(&connection)));
                 tokio::spawn(async move {
                     tokio::select! {
-                        () = answer(stream, routes) => {}
+                        () = answer(stream, routes, &connection) => {}
                         Ok(()) = turned_away => {}
                     }
                 });
@@ -217,7 +216,7 @@ async fn welcome(listener: TcpListener, state: Arc<ServerState>) {
     }
 }
 
-async fn answer(stream: TcpStream, routes: axum::Router) {
+async fn answer(stream: TcpStream, routes: axum::Router, place: &Connection) {
     // Without them it works, only less well.
     let _ = stream.set_nodelay(true);
     let _ = socket2::SockRef::from(&stream).set_send_buffer_size(SEND_BUFFER);
@@ -229,8 +228,14 @@ async fn answer(stream: TcpStream, routes: axum::Router) {
         .max_buf_size(16 * 1024)
         .serve_connection(TokioIo::new(stream), service)
         .with_upgrades();
-    // Whatever went wrong concerns this connection alone.
-    let _ = tokio::time::timeout(Duration::from_secs(REQUEST_S), connection).await;
+    let mut connection = std::pin::pin!(connection);
+    loop {
+        let left = place.left(Instant::now());
+        // Whatever went wrong concerns this connection alone.
+        if left.is_zero() || tokio::time::timeout(left, connection.as_mut()).await.is_ok() {
+            return;
+        }
+    }
 }
 
 async fn make_frames(state: Arc<ServerState>) {

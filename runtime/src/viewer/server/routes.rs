@@ -165,10 +165,11 @@ async fn song(State(state): State<Arc<ServerState>>) -> Response {
 async fn add_song(
     State(state): State<Arc<ServerState>>,
     Extension(role): Extension<Role>,
+    Extension(connection): Extension<Arc<Connection>>,
     Path(name): Path<String>,
     body: Body,
 ) -> Response {
-    answer(state.add_song(role, name, body).await)
+    answer(state.add_song(role, name, body, &connection).await)
 }
 
 async fn newest_frame(State(state): State<Arc<ServerState>>) -> Response {

@@ -1,5 +1,6 @@
 //! What all connections of the page's server share.
 
+use super::connections::Connection;
 use super::guard::{Role, Tokens, is_own};
 use super::invitation::Invitation;
 use super::shown::{Answer, RequestRefusal, ServerNow, Shown};
@@ -85,6 +86,7 @@ impl ServerState {
         role: Role,
         name: String,
         body: Body,
+        connection: &Connection,
     ) -> Result<Answer, RequestRefusal> {
         let refusal = match role {
             Role::Audience => Some(for_watching()),
@@ -95,7 +97,8 @@ impl ServerState {
             upload::discard(body).await;
             return Err(refusal);
         }
-        upload::add_song(self.shown.songs().clone(), name, body).await?;
+        let on_piece = || connection.goes_on(Instant::now());
+        upload::add_song(self.shown.songs().clone(), name, body, on_piece).await?;
         Ok(Answer::Taken)
     }
 
