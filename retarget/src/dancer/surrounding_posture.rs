@@ -13,10 +13,11 @@ use servodance_types::{FRAME_RATE_HZ, JOINT_COUNT, MotionFrame, Posture};
 use crate::dancer::baseline_posture::{POSTURE, facing};
 use crate::dancer::{BaselinePosture, BodyPoints, PostureSample, usable_points, wrap};
 
-/// Seconds before and after a frame over which its heading is the mean.
-const HEADING_S: [f64; 2] = [0.5, 0.7];
+/// Seconds before and after a frame over which its heading is the mean. Mostly after: a mean
+/// around the frame itself would take slow turns away with it, and half of them would be shown.
+const HEADING_S: [f64; 2] = [0.2, 1.0];
 /// The same for nod, sway and feet, and for the lowest place of the feet, which is the floor.
-const USUAL_S: [f64; 2] = [0.5, 1.0];
+const USUAL_S: [f64; 2] = [0.2, 1.3];
 
 /// The usual posture at every one of `frames`, which are 1/20 s apart.
 pub fn surrounding_postures(frames: &[MotionFrame]) -> Vec<Posture> {

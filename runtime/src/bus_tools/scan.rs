@@ -55,8 +55,8 @@ pub fn scan(
     for (protocol, baud) in listener.usual_channels() {
         let mut probe = listener.probe(protocol, baud)?;
         note(&match protocol {
-            Framing::Protocol2 => format!("{baud} baud, protocol 2.0"),
-            Framing::Protocol1 => format!("{baud} baud, protocol 1"),
+            Framing::Protocol2 => format!("looking at {baud} baud, protocol 2.0"),
+            Framing::Protocol1 => format!("looking at {baud} baud, protocol 1"),
         });
         for servo in probe.everyone()? {
             count += 1;

@@ -61,8 +61,14 @@ fn choose_for(buses: &[BusLayout], given: &[String]) -> anyhow::Result<Vec<BusCh
         return Ok(vec![BusChoice::parse(one)?; buses.len()]);
     }
     let names: Vec<&str> = buses.iter().map(|bus| bus.config.name.as_str()).collect();
-    let wanted =
-        names.iter().map(|name| format!("--bus {name}=serial:PATH")).collect::<Vec<_>>().join(" ");
+    let wanted: Vec<String> = buses
+        .iter()
+        .map(|bus| {
+            let port = if bus.config.kind.is_can() { "can:IFACE" } else { "serial:PATH" };
+            format!("--bus {}={port}", bus.config.name)
+        })
+        .collect();
+    let wanted = wanted.join(" ");
     let mut chosen: Vec<Option<BusChoice>> = vec![None; buses.len()];
     for text in given {
         let (name, port) = match text.split_once('=') {

@@ -76,7 +76,7 @@ mod tests {
     #[test]
     fn who_speaks_to_a_terminal_that_takes_nothing_does_not_wait() {
         let (open, opened) = channel::<()>();
-        let output = OutputThread::start(move |_: usize| drop(opened.recv()));
+        let output = OutputThread::start(move |_: usize| _ = opened.recv());
         // More than ever fits: this ends although the first one is not out yet.
         (0..3 * WAITING).for_each(|event| output.send(event));
         drop(open);

@@ -71,10 +71,20 @@ impl PendingFile {
         let Self { named, target, is_device, file } = self;
         let done = match is_device {
             true => pour(file.into_file(), &target),
-            false => file.persist(&target).map(drop).map_err(|error| error.error),
+            false => replace(file, &target),
         };
         done.with_context(|| format!("cannot write {}", named.display()))
     }
+}
+
+/// Puts a file in the place of `target`, on the disk before it has the name, so that a power
+/// cut leaves the old one or the new one; who may read and write the old one may the new one.
+fn replace(file: NamedTempFile, target: &Path) -> io::Result<()> {
+    if let Ok(old) = target.metadata() {
+        file.as_file().set_permissions(old.permissions())?;
+    }
+    file.as_file().sync_all()?;
+    file.persist(target).map(drop).map_err(|error| error.error)
 }
 
 /// The same without the temporary name that it carries.
@@ -107,6 +117,17 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
 mod tests {
     use super::*;
     use std::io::Write;
+
+    #[test]
+    fn a_file_that_is_replaced_keeps_its_permissions() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("robot.toml");
+        write_whole(&target, b"old").unwrap();
+        std::fs::set_permissions(&target, Permissions::from_mode(0o600)).unwrap();
+        write_whole(&target, b"new").unwrap();
+        assert_eq!(std::fs::read(&target).unwrap(), b"new");
+        assert_eq!(target.metadata().unwrap().permissions().mode() & 0o777, 0o600);
+    }
 
     #[test]
     fn an_abandoned_file_leaves_nothing_behind() {

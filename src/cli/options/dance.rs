@@ -9,8 +9,9 @@ use std::path::PathBuf;
 pub struct RobotArgs {
     #[command(flatten)]
     pub robot: RobotFileArgs,
-    /// Where commands go: `sim`, or `serial:/dev/ttyUSB0`; for a robot with
-    /// several buses once for each, `left=serial:/dev/ttyUSB0`.
+    /// Where commands go: `sim`, `serial:/dev/ttyUSB0`, `can:can0`, `slcan:/dev/ttyACM0` or
+    /// `ros2:HOST:9090`; for a robot with several buses once for each,
+    /// `left=serial:/dev/ttyUSB0`.
     #[arg(long, env = "SERVODANCE_BUS", default_value = "sim", value_name = "[NAME=]BUS")]
     pub bus: Vec<String>,
     /// What to do while there is no music, or nobody leads; `sway` if the robot

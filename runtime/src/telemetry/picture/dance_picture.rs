@@ -75,9 +75,13 @@ impl DancePicture {
         canvas.rectangle(MARGIN, top, width, FIGURE_HEIGHT, PANEL);
         canvas.text((MARGIN + 8.0, top + 4.0), TextSize::Medium, INK, label);
         let cell = width / self.poses.len().max(1) as f32;
+        // One size for all, in which the widest keeps to its cell.
+        let most = FIGURE_HEIGHT - 36.0;
+        let fits = |pose: &BeatPose| pick(pose).height_that_fits(cell, most);
+        let height = self.poses.iter().map(fits).fold(most, f32::min);
         for (i, pose) in self.poses.iter().enumerate() {
             let center = MARGIN + cell * (i as f32 + 0.5);
-            draw_figure(canvas, pick(pose), center, top + 24.0, FIGURE_HEIGHT - 36.0);
+            draw_figure(canvas, pick(pose), center, top + 24.0 + most - height, height);
             let time = format!("{:.1} s", pose.time_s);
             let x = center - Canvas::text_width(TextSize::Small, &time) / 2.0;
             canvas.caption((x, top + FIGURE_HEIGHT + 2.0), &time);

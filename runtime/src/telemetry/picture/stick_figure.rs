@@ -64,7 +64,31 @@ impl StickFigure {
         let half = ends().map(|end| (end[1] - self.center[1]).abs()).fold(0.0, f64::max);
         [top - self.floor_m, 2.0 * half]
     }
+
+    /// The height of [`draw_figure`], at most `most`, at which the figure is as wide as
+    /// `width`; in pixels.
+    pub fn height_that_fits(&self, width: f32, most: f32) -> f32 {
+        let (sin, cos) = YAW_RAD.sin_cos();
+        let ends = self
+            .limbs
+            .iter()
+            .flat_map(|limb| [(limb.from, limb.radius_m), (limb.to, limb.radius_m)]);
+        let aside = |(at, radius): ([f64; 3], f64)| {
+            let (x, y) = (at[0] - self.center[0], at[1] - self.center[1]);
+            (x * sin + y * cos).abs() + radius
+        };
+        let half_m = ends.map(aside).fold(1e-6, f64::max);
+        most.min(HEADROOM + (f64::from(width) / (2.0 * half_m) * self.standing_m()) as f32)
+    }
+
+    /// What the drawn height stands for, metres.
+    fn standing_m(&self) -> f64 {
+        (self.height_m * 1.15).max(1e-6)
+    }
 }
+
+/// Pixels of the height that are left free.
+const HEADROOM: f32 = 30.0;
 
 const LEFT: [f64; 3] = [232.0, 126.0, 44.0];
 const RIGHT: [f64; 3] = [42.0, 110.0, 178.0];
@@ -85,7 +109,7 @@ pub fn draw_figure(
     height: f32,
 ) {
     let floor_y = top + height - 8.0;
-    let scale = f64::from(height - 30.0) / (figure.height_m * 1.15).max(1e-6);
+    let scale = f64::from(height - HEADROOM) / figure.standing_m();
     canvas.line(&[(center_x - 44.0, floor_y), (center_x + 44.0, floor_y)], 1.5, FLOOR);
     let view = |p: [f64; 3]| -> (Point, f64) {
         let (x, y, z) = (p[0] - figure.center[0], p[1] - figure.center[1], p[2] - figure.floor_m);
