@@ -222,3 +222,41 @@ fn a_body_and_its_joint_may_share_a_name() {
     );
     assert_eq!(guess(&text).kind, BodyKind::Wheeled);
 }
+
+/// As Vizzy: a shoulder and a wrist move by abduction, as hips do.
+#[test]
+fn a_shoulder_that_abducts_is_no_leg() {
+    let mut rig = Rig::new().joint("revolute", "waist", "base", "0 0 0.5", Z);
+    for (side, y) in [("l", 0.2), ("r", -0.2)] {
+        let name = |part: &str| format!("{side}_{part}");
+        let link = |part: &str| format!("{side}_{part}_link");
+        rig = rig
+            .joint("revolute", &name("shoulder_flection"), "waist_link", &format!("0 {y} 0.4"), Y)
+            .joint("revolute", &name("shoulder_abduction"), &link("shoulder_flection"), "0 0 0", X)
+            .joint("revolute", &name("elbow_flection"), &link("shoulder_abduction"), "0 0 -0.2", Y)
+            .joint("revolute", &name("wrist_abduction"), &link("elbow_flection"), "0 0 -0.2", X);
+    }
+    let body = guess(&rig.urdf());
+    assert_eq!((body.kind, body.parts.left_hip), (BodyKind::UpperBody, None));
+    assert_eq!(body.parts.left_elbow.as_deref(), Some("l_elbow_flection_link"));
+    assert_eq!(body.parts.right_shoulder.as_deref(), Some("r_shoulder_abduction_link"));
+}
+
+/// As a student's biped: the parts of its legs are called shoulder, thigh and bicep.
+#[test]
+fn a_leg_with_words_of_an_arm_is_no_arm_too() {
+    let mut rig = Rig::new();
+    for (side, y) in [("bl", 0.1), ("br", -0.1)] {
+        let name = |part: &str| format!("{side}_{part}");
+        rig = rig
+            .joint("revolute", &name("shoulder_to_base"), "base", &format!("0 {y} -0.05"), X)
+            .renamed(&name("shoulder_to_base_link"), &name("shoulder"))
+            .joint("revolute", &name("thigh_to_shoulder"), &name("shoulder"), "0 0 -0.03", Y)
+            .renamed(&name("thigh_to_shoulder_link"), &name("thigh"))
+            .joint("revolute", &name("bicep_to_thigh"), &name("thigh"), "0 0 -0.15", Y)
+            .renamed(&name("bicep_to_thigh_link"), &name("bicep"));
+    }
+    let body = guess(&rig.urdf());
+    assert_eq!((body.kind, body.parts.left_shoulder), (BodyKind::Biped, None));
+    assert_eq!(body.parts.right_knee.as_deref(), Some("br_bicep"));
+}

@@ -23,6 +23,8 @@ const LEVEL_SHARE: f64 = 0.02;
 const TOES_SHARE: f64 = 0.4;
 /// Joints within this share of a limb are at one place: a ball joint.
 const BALL_SHARE: f64 = 0.01;
+/// Cosine from which a chain that points so far down hangs.
+pub(super) const HANGING: f64 = 0.7;
 /// So many joints that slide, one after the other, are a telescope.
 const TELESCOPE: usize = 2;
 
@@ -65,6 +67,12 @@ impl LinkTree<'_> {
     pub fn end(&self, start: usize) -> Point3<f64> {
         let path = self.path(start, LimbKind::Arm);
         self.at(path.last().copied().unwrap_or(start))
+    }
+
+    /// Whether a chain ends well below its beginning; z is up.
+    pub fn hangs(&self, start: usize) -> bool {
+        let down = self.at(start) - self.end(start);
+        down.z > HANGING * down.norm()
     }
 
     /// Whether a chain is short beside the one that carries it, as at the end of an arm.

@@ -14,6 +14,8 @@ mod sole;
 mod wheels;
 pub(crate) mod words;
 
+use std::cmp::Ordering;
+
 use crate::config::BodyKind;
 use crate::kinematics::RobotModel;
 pub use link_tree::{MeshReader, no_meshes};
@@ -111,6 +113,7 @@ fn human_like(body: &LinkTree) -> Anatomy {
     let model = body.model;
     let mut reasons = Vec::new();
     let mut starts = named_starts(body);
+    one_limb_each(body, &mut starts);
     // Fingers of a gripper, or the sections of a telescope, have names of arms too.
     let [arms, _] = &mut starts;
     let turning = arms.map(|arm| arm.map_or(0, |arm| body.turning(&body.path(arm, LimbKind::Arm))));
@@ -160,9 +163,8 @@ fn human_like(body: &LinkTree) -> Anatomy {
     };
     let carrier = join(tops(&arms));
     // Antennas stand on the head itself.
-    let crown = antennas.and_then(|_| {
-        model.ancestors(carrier).find(|&link| link > 0 && body.words[link].is_head())
-    });
+    let crown = antennas
+        .and_then(|_| model.ancestors(carrier).find(|&link| link > 0 && body.words[link].is_head()));
     let chest = crown.and_then(|link| model.links[link].parent).unwrap_or(carrier);
     let pelvis = match tops(&legs) {
         (None, None) => 0,
@@ -218,6 +220,34 @@ fn named_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
             pair => pair,
         }
     })
+}
+
+/// A chain that has words of an arm and of a leg is what most of its links are called, and a leg
+/// where that is undecided and it hangs: one limb is not both.
+fn one_limb_each(body: &LinkTree, starts: &mut [[Option<usize>; 2]; 2]) {
+    for side in 0..2 {
+        let [Some(arm), Some(leg)] = [starts[0][side], starts[1][side]] else { continue };
+        let upper = match (body.model.is_below(leg, arm), body.model.is_below(arm, leg)) {
+            (true, _) => arm,
+            (_, true) => leg,
+            _ => continue,
+        };
+        // A robot whose root is a foot carries its trunk, and so the other side, on that leg.
+        let mut below = (upper..body.model.links.len()).filter(|&l| body.model.is_below(l, upper));
+        if below.any(|l| body.is_moved(l) && body.words[l].side() == Some(1 - side)) {
+            continue;
+        }
+        let path = body.path(upper, LimbKind::Arm);
+        let count = |is: fn(&NameWords) -> bool| {
+            path.iter().filter(|&&l| body.is_moved(l) && is(&body.words[l])).count()
+        };
+        let is_leg = match count(NameWords::is_leg).cmp(&count(NameWords::is_arm)) {
+            Ordering::Equal => body.hangs(upper),
+            more => more == Ordering::Greater,
+        };
+        starts[usize::from(is_leg)][side] = Some(upper);
+        starts[usize::from(!is_leg)][side] = None;
+    }
 }
 
 /// The limb beside one with a side in its name: of the same name, but for that.

@@ -8,13 +8,15 @@ pub(crate) const ELBOW: &[&str] = &["elbow", "el", "elb"];
 pub(crate) const FOREARM: &[&str] = &["forearm", "lowerarm", "lower", "fore"];
 pub(crate) const HAND: &[&str] =
     &["hand", "wrist", "palm", "gripper", "tip", "fist", "ee", "tool", "endeffector"];
-const ARM: &[&str] = &["shoulder", "sho", "shld", "shldr", "arm", "upperarm", "humerus", "biceps"];
+const ARM: &[&str] =
+    &["shoulder", "sho", "shld", "shldr", "arm", "upperarm", "humerus", "bicep", "biceps"];
 const FINGER: &[&str] =
     &["finger", "fingers", "thumb", "index", "middle", "ring", "pinky", "little"];
 pub(crate) const KNEE: &[&str] = &["knee", "kfe"];
 pub(crate) const SHANK: &[&str] = &["shank", "calf", "shin", "tibia", "lowerleg"];
-const LEG: &[&str] =
-    &["hip", "thigh", "femur", "leg", "upperleg", "upleg", "haa", "hfe", "abduction"];
+const LEG: &[&str] = &["hip", "thigh", "femur", "leg", "upperleg", "upleg", "haa", "hfe"];
+/// A movement of a leg, where nothing says that a shoulder or a wrist makes it.
+const ABDUCTION: &[&str] = &["abduction"];
 pub(crate) const ANKLE: &[&str] = &["ankle", "ank"];
 pub(crate) const SOLE: &[&str] = &["sole", "foot", "toe", "toes"];
 pub(crate) const TOES: &[&str] = &["toe", "toes"];
@@ -58,6 +60,7 @@ const SIDES_ABROAD: [[&str; 2]; 11] = [
     ["hidari", "migi"],
     ["trai", "phai"],
 ];
+
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct NameWords(Vec<String>);
@@ -127,7 +130,11 @@ impl NameWords {
     }
 
     pub fn is_arm(&self) -> bool {
-        [ARM, ELBOW, FOREARM, HAND, FINGER].iter().any(|part| self.has(part)) && !self.is_leg()
+        self.has_arm() && !self.is_leg()
+    }
+
+    fn has_arm(&self) -> bool {
+        [ARM, ELBOW, FOREARM, HAND, FINGER].iter().any(|part| self.has(part))
     }
 
     pub fn is_antenna(&self) -> bool {
@@ -140,7 +147,8 @@ impl NameWords {
     }
 
     pub fn is_leg(&self) -> bool {
-        [LEG, KNEE, SHANK, ANKLE, SOLE].iter().any(|part| self.has(part))
+        let has = [LEG, KNEE, SHANK, ANKLE, SOLE].iter().any(|part| self.has(part));
+        has || (self.has(ABDUCTION) && !self.has_arm())
     }
 
     pub fn is_head(&self) -> bool {
@@ -206,10 +214,11 @@ fn side_abroad(word: &str) -> Option<Vec<String>> {
 
 /// Sides written out, also where they are glued to a part.
 fn unglue(word: &str) -> Vec<String> {
-    let parts = [ARM, ELBOW, FOREARM, HAND, LEG, KNEE, SHANK, ANKLE, SOLE, FINGER, WHEEL];
-    let known = |rest: &str| rest.len() > 2 && parts.iter().any(|part| part.contains(&rest));
+    let limbs = [ARM, ELBOW, FOREARM, HAND, LEG, ABDUCTION, KNEE, SHANK, ANKLE, SOLE];
+    let parts = || limbs.iter().chain(&[FINGER, WHEEL]);
+    let known = |rest: &str| rest.len() > 2 && parts().any(|part| part.contains(&rest));
     let sides = [("left", "left"), ("right", "right"), ("l", "left"), ("r", "right")];
-    if parts.iter().any(|part| part.contains(&word)) {
+    if parts().any(|part| part.contains(&word)) {
         return vec![word.to_owned()];
     }
     if let Some(corner) = corner(word) {
@@ -280,6 +289,9 @@ mod tests {
             ("brazo_derecho_arm_2", Some(1), true, false),
             ("bras_gauche_elbow", Some(0), true, false),
             ("duitrai", Some(0), false, false),
+            ("l_shoulder_abduction_joint", Some(0), true, false),
+            ("motor_front_left_abduction", Some(0), false, true),
+            ("RBicep", Some(1), true, false),
         ] {
             let words = NameWords::of_names(&[name]);
             let read = (words.side(), words.is_arm(), words.is_leg());
