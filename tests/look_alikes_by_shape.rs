@@ -1,0 +1,72 @@
+//! Robots made to look like public ones whose shape misled (docs/measurements/robots.md): arms
+//! that hang as legs do, legs that are folded at zero, wheels that turn as a head does.
+
+use crate::rigs::Rig;
+use servodance_retarget::{BodyGuess, BodyKind, guess_body, lint, no_meshes};
+
+const X: &str = "<axis xyz=\"1 0 0\"/>";
+const Y: &str = "<axis xyz=\"0 1 0\"/>";
+const Z: &str = "<axis xyz=\"0 0 1\"/>";
+
+fn guess(rig: &Rig) -> BodyGuess {
+    guess_body(&rig.urdf(), &no_meshes).expect("something that can dance")
+}
+
+/// Joints one after the other from `carrier` on, each called `name` and its number from 1.
+fn chain(mut rig: Rig, carrier: &str, name: &str, joints: &[(&str, &str)]) -> Rig {
+    let mut last = carrier.to_owned();
+    for (index, (at, axis)) in joints.iter().enumerate() {
+        let joint = format!("{name}{}", index + 1);
+        rig = rig.joint("revolute", &joint, &last, at, axis);
+        last = format!("{joint}_link");
+    }
+    rig
+}
+
+/// As Astribot S1 and Galaxea R1: arms without a word that says so hang from a torso of four
+/// joints that rises from the base.
+#[test]
+fn arms_that_hang_from_a_torso_are_no_legs() {
+    let torso = [("0 0 0.1", Y), ("0 0 0.4", Y), ("0 0 0.4", Y), ("0 0 0", Z)];
+    let mut rig = chain(Rig::new(), "base", "torso", &torso);
+    for (side, y) in [("left", 0.15), ("right", -0.15)] {
+        let at = format!("0 {y} 0.4");
+        let arm = [(at.as_str(), Y), ("0 0 0", X), ("0 0 -0.05", Z), ("0 0 -0.3", Y)];
+        let wrist = [("0 0 -0.05", Z), ("0 0 -0.25", Y), ("0 0 0", X)];
+        rig = chain(
+            rig,
+            "torso4_link",
+            &format!("{side}_joint_"),
+            &[arm.as_slice(), &wrist].concat(),
+        );
+    }
+    let body = guess(&rig);
+    assert_eq!((body.kind, body.forward, body.up), (BodyKind::UpperBody, "x", "z"));
+    assert_eq!(body.parts.left_elbow.as_deref(), Some("left_joint_4_link"));
+    assert_eq!(body.parts.chest.as_deref(), Some("torso4_link"));
+}
+
+/// Arms on a fixed column: what stands below them is the base.
+#[test]
+fn a_pair_that_ends_above_the_base_is_arms() {
+    let rig = Rig::new().joint("fixed", "column", "base", "0 0 0.5", "").joint(
+        "fixed",
+        "plate",
+        "column_link",
+        "0 0 -0.5",
+        "",
+    );
+    let arm = |y: f64| {
+        let begin = format!("0 {y} 0.3");
+        [(begin, Y), ("0 0 0".into(), X), ("0 0 -0.2".into(), Y), ("0 0 -0.05".into(), Z)]
+            .into_iter()
+            .chain([("0 0 -0.15".to_owned(), Y)])
+            .collect::<Vec<_>>()
+    };
+    let rig = [("one", 0.2), ("two", -0.2)].into_iter().fold(rig, |rig, (name, y)| {
+        let joints = arm(y);
+        let joints: Vec<_> = joints.iter().map(|(at, axis)| (at.as_str(), *axis)).collect();
+        chain(rig, "column_link", name, &joints)
+    });
+    assert_eq!(guess(&rig).kind, BodyKind::UpperBody);
+}
