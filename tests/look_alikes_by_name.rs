@@ -260,3 +260,47 @@ fn a_leg_with_words_of_an_arm_is_no_arm_too() {
     assert_eq!((body.kind, body.parts.left_shoulder), (BodyKind::Biped, None));
     assert_eq!(body.parts.right_knee.as_deref(), Some("br_bicep"));
 }
+
+/// As Agibot G1: `right_left_1` is the left finger of the right hand.
+#[test]
+fn fingers_of_both_sides_leave_the_arms_theirs() {
+    let mut rig = Rig::new().joint("revolute", "head", "base", "0 0 0.5", Z);
+    for (side, y) in [("left", 0.2), ("right", -0.2)] {
+        let at = format!("0 {y} 0.4");
+        let arm = [(at.as_str(), Y), ("0 0 0", X), ("0 0 -0.2", Y), ("0 0 -0.2", Z)];
+        rig = chain(rig, "base", &format!("{side}_joint"), &arm);
+        // The joint of one finger is called after the gripper.
+        for (finger, joint, across) in [("left", "gripper", 0.03), ("right", "right_1", -0.03)] {
+            let joint = format!("{side}_{joint}");
+            rig = rig
+                .joint(
+                    "revolute",
+                    &joint,
+                    &format!("{side}_joint4_link"),
+                    &format!("0 {across} 0"),
+                    X,
+                )
+                .renamed(&format!("{joint}_link"), &format!("{side}_{finger}_1_link"));
+        }
+    }
+    let body = guess(&rig.urdf());
+    assert_eq!(body.kind, BodyKind::UpperBody);
+    assert_eq!(body.parts.chest.as_deref(), Some("base"));
+    assert_eq!(body.parts.left_elbow.as_deref(), Some("left_joint3_link"));
+    assert_eq!(body.parts.right_elbow.as_deref(), Some("right_joint3_link"));
+}
+
+/// One arm says its side, the other one is called otherwise: they mirror each other.
+#[test]
+fn the_other_arm_is_where_the_first_is_mirrored() {
+    let arm = |y: f64| [(format!("0 {y} 0.4"), Y), ("0 0 0".into(), X), ("0 0 -0.2".into(), Y)];
+    let mut rig = Rig::new().joint("revolute", "head", "base", "0 0 0.5", Z);
+    for (name, y) in [("left_arm", 0.2), ("second_boom", -0.2)] {
+        let joints = arm(y);
+        let joints = joints.each_ref().map(|(at, axis)| (at.as_str(), *axis));
+        rig = chain(rig, "base", name, &joints);
+    }
+    let body = guess(&rig.urdf());
+    assert_eq!(body.kind, BodyKind::UpperBody);
+    assert_eq!(body.parts.right_elbow.as_deref(), Some("second_boom3_link"));
+}

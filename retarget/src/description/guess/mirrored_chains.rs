@@ -38,6 +38,19 @@ pub(super) fn mirrored_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
     }
 }
 
+/// The chain beside one whose name says its side: the only one that mirrors it.
+pub(super) fn mirror_partner(
+    body: &LinkTree,
+    limb: usize,
+    may_be: impl Fn(usize) -> bool,
+) -> Option<usize> {
+    let beside = |link: usize| body.is_moved(link) && body.carrier(link) == body.carrier(limb);
+    let mut partners = (1..body.model.links.len())
+        .filter(|&link| link != limb && beside(link) && may_be(link))
+        .filter(|&link| mirror_axis(body, limb, link).is_some());
+    partners.next().filter(|_| partners.next().is_none())
+}
+
 /// Pairs of chains, but those of limbs that begin at `known`.
 fn mirrored_pairs(body: &LinkTree, known: &[usize]) -> Option<MirroredPairs> {
     let is_known = |link: usize| {

@@ -215,8 +215,8 @@ fn named_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
             most.filter(|_| !wheels).map(|link| first_of_side(body, link, side))
         });
         match pair {
-            [Some(left), None] => [Some(left), without_side(body, left)],
-            [None, Some(right)] => [without_side(body, right), Some(right)],
+            [Some(left), None] => [Some(left), partner(body, left, 0, kind)],
+            [None, Some(right)] => [partner(body, right, 1, kind), Some(right)],
             pair => pair,
         }
     })
@@ -248,6 +248,21 @@ fn one_limb_each(body: &LinkTree, starts: &mut [[Option<usize>; 2]; 2]) {
         starts[usize::from(is_leg)][side] = Some(upper);
         starts[usize::from(!is_leg)][side] = None;
     }
+}
+
+/// The limb beside one whose name says its side: by its name, else the chain that mirrors it
+/// and is called nothing else.
+fn partner(body: &LinkTree, limb: usize, side: usize, kind: LimbKind) -> Option<usize> {
+    let may_be = |link: usize| {
+        let words = &body.words[link];
+        let is_other = match kind {
+            LimbKind::Leg => words.is_arm(),
+            _ => words.is_leg(),
+        };
+        words.side() != Some(side) && !is_other && !words.is_wheel() && !body.words[link].is_head()
+    };
+    let by_shape = || mirrored_chains::mirror_partner(body, limb, may_be);
+    without_side(body, limb).or_else(by_shape)
 }
 
 /// The limb beside one with a side in its name: of the same name, but for that.

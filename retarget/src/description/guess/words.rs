@@ -110,14 +110,14 @@ impl NameWords {
         self.0.len()
     }
 
-    /// 0 left, 1 right.
+    /// 0 left, 1 right: the first in the name, for `right_left_1` is the left finger of the right
+    /// hand. What comes before both moves that way: `head_left_right`.
     pub fn side(&self) -> Option<usize> {
-        let [left, right] = SIDES.map(|side| self.has(&[side]));
-        match (left, right) {
-            (true, false) => Some(0),
-            (false, true) => Some(1),
-            _ => None,
-        }
+        let of = |word: &String| SIDES.iter().position(|side| word == side);
+        let (at, side) = self.0.iter().enumerate().find_map(|(at, word)| Some((at, of(word)?)))?;
+        let next = self.0.get(at + 1).and_then(of);
+        let is_way = at > 0 && next.is_some_and(|next| next != side);
+        (!is_way).then_some(side)
     }
 
     /// The words that say no side.
@@ -292,6 +292,8 @@ mod tests {
             ("l_shoulder_abduction_joint", Some(0), true, false),
             ("motor_front_left_abduction", Some(0), false, true),
             ("RBicep", Some(1), true, false),
+            ("right_left_1_link", Some(1), false, false),
+            ("head_left_right", None, false, false),
         ] {
             let words = NameWords::of_names(&[name]);
             let read = (words.side(), words.is_arm(), words.is_leg());
