@@ -304,3 +304,17 @@ fn the_other_arm_is_where_the_first_is_mirrored() {
     assert_eq!(body.kind, BodyKind::UpperBody);
     assert_eq!(body.parts.right_elbow.as_deref(), Some("second_boom3_link"));
 }
+
+/// As a student's robot of open parts: what the head's joint turns is called after the camera.
+#[test]
+fn a_camera_that_the_heads_joint_turns_is_the_head() {
+    let body = guess(
+        &Rig::new()
+            .joint("revolute", "head_yaw", "base", "0 0 0.1", Z)
+            .renamed("head_yaw_link", "sts3250_6")
+            .joint("revolute", "head_pitch", "sts3250_6", "0 0 0.03", Y)
+            .renamed("head_pitch_link", "camera_enclosure")
+            .urdf(),
+    );
+    assert_eq!(body.parts.head.as_deref(), Some("camera_enclosure"));
+}

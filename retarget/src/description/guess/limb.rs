@@ -114,6 +114,13 @@ impl LinkTree<'_> {
         above.is_some_and(|above| self.model.drives_above(link) > self.model.drives_above(above))
     }
 
+    /// Whether a link is a head: one that is called a camera is, too, if the joint that turns it
+    /// is called a head's.
+    pub fn is_head(&self, link: usize) -> bool {
+        let by_joint = || NameWords::of_joint(self.model, link).is_head();
+        self.words[link].is_head() || (self.is_moved(link) && by_joint())
+    }
+
     /// Driven joints below `link` along the longest way.
     pub fn moved_below(&self, link: usize) -> usize {
         let below = self.children[link].iter();

@@ -164,7 +164,7 @@ fn human_like(body: &LinkTree) -> Anatomy {
     let carrier = join(tops(&arms));
     // Antennas stand on the head itself.
     let crown = antennas
-        .and_then(|_| model.ancestors(carrier).find(|&link| link > 0 && body.words[link].is_head()));
+        .and_then(|_| model.ancestors(carrier).find(|&link| link > 0 && body.is_head(link)));
     let chest = crown.and_then(|link| model.links[link].parent).unwrap_or(carrier);
     let pelvis = match tops(&legs) {
         (None, None) => 0,
@@ -259,7 +259,7 @@ fn partner(body: &LinkTree, limb: usize, side: usize, kind: LimbKind) -> Option<
             LimbKind::Leg => words.is_arm(),
             _ => words.is_leg(),
         };
-        words.side() != Some(side) && !is_other && !words.is_wheel() && !body.words[link].is_head()
+        words.side() != Some(side) && !is_other && !words.is_wheel() && !body.is_head(link)
     };
     let by_shape = || mirrored_chains::mirror_partner(body, limb, may_be);
     without_side(body, limb).or_else(by_shape)
@@ -312,7 +312,7 @@ fn above_limb(body: &LinkTree, top: usize, arms: &[FoundLimb; 2], legs: &[FoundL
 fn find_head(body: &LinkTree, chest: usize, in_limb: &impl Fn(usize) -> bool) -> Option<usize> {
     let moving =
         || (1..body.model.links.len()).filter(|&link| body.is_moved(link) && !in_limb(link));
-    let named = moving().filter(|&l| body.words[l].is_head()).max_by_key(|&link| {
+    let named = moving().filter(|&l| body.is_head(l)).max_by_key(|&link| {
         let skull = body.words[link].has(&["head", "skull"]);
         (skull, body.model.drives_above(link))
     });
@@ -320,7 +320,7 @@ fn find_head(body: &LinkTree, chest: usize, in_limb: &impl Fn(usize) -> bool) ->
     let fixed = || {
         let links = 1..body.model.links.len();
         links
-            .filter(|&link| !in_limb(link) && body.words[link].is_head())
+            .filter(|&link| !in_limb(link) && body.is_head(link))
             .find(|&link| body.model.drives_above(link) > body.model.drives_above(chest))
     };
     named.or_else(fixed).or_else(|| {
