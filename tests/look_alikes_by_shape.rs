@@ -70,3 +70,45 @@ fn a_pair_that_ends_above_the_base_is_arms() {
     });
     assert_eq!(guess(&rig).kind, BodyKind::UpperBody);
 }
+
+/// Two arms and two legs by their names; `thigh` and `shank` say where knees and feet are.
+fn humanoid(thigh: &str, shank: &str) -> Rig {
+    let mut rig = Rig::new();
+    for (side, y) in [("left", 0.1), ("right", -0.1)] {
+        let shoulder = format!("0 {y} 0.3");
+        let arm = [(shoulder.as_str(), Y), ("0 0 0", X), ("0 0 -0.15", Y)];
+        let hip = format!("0 {y} 0");
+        let leg = [(hip.as_str(), X), ("0 0 0", Y), (thigh, Y), (shank, Y)];
+        rig = chain(
+            chain(rig, "base", &format!("{side}_arm"), &arm),
+            "base",
+            &format!("{side}_leg"),
+            &leg,
+        );
+    }
+    rig
+}
+
+/// As a simulator's figure that sits at zero, and a soccer robot whose knees are bent there.
+#[test]
+fn legs_that_are_folded_at_zero_do_not_lay_the_robot_down() {
+    for [thigh, shank] in
+        [["0.2 0 0", "0.2 0 0"], ["0 0 -0.2", "-0.22 0 0"], ["0 0 -0.2", "0 0 -0.2"]]
+    {
+        let body = guess(&humanoid(thigh, shank));
+        assert_eq!((body.forward, body.up), ("x", "z"), "{thigh}, {shank}");
+    }
+}
+
+/// As two arms on a turntable that begin below and beside it.
+#[test]
+fn where_arms_begin_says_nothing_of_up() {
+    let mut rig = Rig::new();
+    for (side, y) in [("left", 0.2), ("right", -0.2)] {
+        let at = format!("0.06 {y} -0.02");
+        let arm = [(at.as_str(), Z), ("0 0 0.05", Y), ("0 0 0.2", Y), ("0 0 0.17", Y)];
+        rig = chain(rig, "base", &format!("{side}_arm"), &arm);
+    }
+    let body = guess(&rig);
+    assert_eq!((body.kind, body.forward, body.up), (BodyKind::UpperBody, "x", "z"));
+}
