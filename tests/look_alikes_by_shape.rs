@@ -112,3 +112,42 @@ fn where_arms_begin_says_nothing_of_up() {
     let body = guess(&rig);
     assert_eq!((body.kind, body.forward, body.up), (BodyKind::UpperBody, "x", "z"));
 }
+
+/// As WALL-E: two wheels that are called nothing turn beside each other.
+#[test]
+fn two_wheels_without_a_word_for_them_are_no_head() {
+    let with_wheels = |names: [&str; 2]| {
+        let rig = Rig::new().joint("continuous", names[0], "base", "0 0.1 0", Y);
+        rig.joint("continuous", names[1], "base", "0 -0.1 0", Y)
+    };
+    for names in [["leftjoint", "rightjoint"], ["turn_a", "turn_b"]] {
+        assert!(guess_body(&with_wheels(names).urdf(), &no_meshes).is_none(), "{names:?}");
+    }
+    let with_neck =
+        with_wheels(["turn_a", "turn_b"]).joint("revolute", "pan", "base", "0 0 0.2", Z);
+    assert_eq!(guess(&with_neck).parts.head.as_deref(), Some("pan_link"));
+}
+
+/// As a rover of a student team: its suspension is no neck, and a bar that follows it no head.
+#[test]
+fn a_rovers_suspension_is_passive() {
+    let follows = "<axis xyz=\"0 0 1\"/><mimic joint=\"right_suspension\"/>";
+    let mut rig = Rig::new();
+    for (side, y) in [("left", 0.3), ("right", -0.3)] {
+        let member = format!("{side}_suspension");
+        rig = rig.joint("revolute", &member, "base", &format!("0 {y} 0"), Y);
+        for (end, x) in [("front", 0.4), ("back", -0.4)] {
+            let wheel = format!("{end}_{side}_wheel");
+            rig = rig.joint(
+                "continuous",
+                &wheel,
+                &format!("{member}_link"),
+                &format!("{x} 0 -0.1"),
+                Y,
+            );
+        }
+    }
+    let rig = rig.joint("revolute", "averaging_bar", "base", "0 0 0.1", follows);
+    let body = guess(&rig);
+    assert_eq!((body.kind, body.parts.head), (BodyKind::Wheeled, None));
+}

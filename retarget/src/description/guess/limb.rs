@@ -114,6 +114,12 @@ impl LinkTree<'_> {
         above.is_some_and(|above| self.model.drives_above(link) > self.model.drives_above(above))
     }
 
+    /// Whether the joint right above `link` follows another.
+    pub fn follows(&self, link: usize) -> bool {
+        let led = |joint: usize| self.model.joint_names()[joint] != self.model.parent_joints[link];
+        self.model.links[link].drive.is_some_and(|drive| led(drive.joint))
+    }
+
     /// Whether a link is a head: one that is called a camera is, too, if the joint that turns it
     /// is called a head's.
     pub fn is_head(&self, link: usize) -> bool {

@@ -330,7 +330,9 @@ fn find_head(body: &LinkTree, chest: usize, in_limb: &impl Fn(usize) -> bool) ->
             .filter(|&l| !body.words[l].is_trunk() && body.moved_below(l) == 0)
             .filter(|&l| !body.words[l].is_leg())
             .filter(|&l| body.model.drives_above(l) - body.model.drives_above(chest) <= 3)
+            .filter(|&l| !body.follows(l))
             .collect();
+        wheels::leave_out_pairs(body, &mut short);
         // Several of one joint each on one link are wheels without a name that says so.
         let carried = short.clone();
         let carrier = |link: usize| body.carrier(link);

@@ -61,6 +61,8 @@ const SIDES_ABROAD: [[&str; 2]; 11] = [
     ["trai", "phai"],
 ];
 
+/// What every robot has: behind a side that is written out a word of its own.
+const PLAIN: &[&str] = &["link", "joint", "motor", "servo"];
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct NameWords(Vec<String>);
@@ -240,8 +242,9 @@ fn unglue(word: &str) -> Vec<String> {
         if word == mark {
             return vec![side.to_owned()];
         }
+        let before_plain = word.strip_prefix(side).filter(|rest| PLAIN.contains(rest));
         let rest = word.strip_prefix(mark).or_else(|| word.strip_suffix(mark));
-        if let Some(rest) = rest.filter(|rest| known(rest)) {
+        if let Some(rest) = before_plain.or(rest.filter(|rest| known(rest))) {
             return vec![side.to_owned(), rest.to_owned()];
         }
     }
@@ -294,6 +297,7 @@ mod tests {
             ("RBicep", Some(1), true, false),
             ("right_left_1_link", Some(1), false, false),
             ("head_left_right", None, false, false),
+            ("leftlink", Some(0), false, false),
         ] {
             let words = NameWords::of_names(&[name]);
             let read = (words.side(), words.is_arm(), words.is_leg());
