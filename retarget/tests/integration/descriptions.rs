@@ -342,3 +342,41 @@ fn the_world_of_mjcf_is_the_base_of_arms_that_are_bolted_to_it() {
     let (urdf, _) = urdf_from_mjcf(&world(&arm("left", -0.5))).unwrap();
     assert!(!urdf.contains("link name=\"base\""), "{urdf}");
 }
+
+/// A frame moves and turns what stands in it, and may hold another; its class is theirs.
+#[test]
+fn frames_of_mjcf_are_looked_into() {
+    let arm = |side: &str| {
+        format!(
+            "<body name=\"{side}_upper_arm\"><joint name=\"{side}_shoulder\" axis=\"0 1 0\"/>\
+             <geom type=\"capsule\" size=\".03\" fromto=\"0 0 0 0 0 -.2\"/>\
+             <frame pos=\"0 0 -.2\" childclass=\"weak\"><body name=\"{side}_lower_arm\">\
+             <joint name=\"{side}_elbow\" axis=\"0 1 0\"/></body></frame></body>"
+        )
+    };
+    let text = format!(
+        "<mujoco><default><default class=\"weak\"><joint range=\"-90 0\"/></default></default>\
+         <worldbody><body name=\"torso\"><freejoint/><frame pos=\"0 .1 0\">\
+         <frame pos=\"0 .05 .1\" euler=\"0 0 90\"><geom name=\"g\" size=\".02\" pos=\".1 0 0\"/>{}\
+         </frame></frame><frame pos=\"0 -.15 .1\">{}</frame>\
+         <replicate count=\"3\"><geom size=\".1\"/></replicate></body></worldbody></mujoco>",
+        arm("left"),
+        arm("right")
+    );
+    let (urdf, found) = urdf_from_mjcf(&text).unwrap();
+    let left_out: Vec<&str> = found.iter().map(|found| found.subject.as_str()).collect();
+    assert_eq!(left_out, ["replicate"]);
+    let model = RobotModel::new(&urdf, &["left_elbow", "right_elbow"]).unwrap();
+    let place = |link: &str| {
+        let at = model.link_poses(&[0.0; 2])[model.link(link).unwrap()];
+        (at * Point3::origin()).coords
+    };
+    assert!((place("left_lower_arm") - Vector3::new(0.0, 0.15, -0.1)).norm() < 1e-6);
+    assert!((place("right_lower_arm") - Vector3::new(0.0, -0.15, -0.1)).norm() < 1e-6);
+    // The left arm is turned by its frame: its shoulder's axis y is -x of the torso.
+    let turned = model.link_poses(&[0.0; 2])[model.link("left_upper_arm").unwrap()];
+    assert!((turned * Vector3::y() + Vector3::x()).norm() < 1e-6);
+    assert!(urdf.contains("-1.57"), "the class of the frame gives the elbow its range: {urdf}");
+    let body = guess_body(&text, &no_meshes).unwrap();
+    assert_eq!(body.parts.left_elbow.as_deref(), Some("left_lower_arm"));
+}
