@@ -97,6 +97,7 @@ codes! {
     GeometryUnreadable "geometry-unreadable" Repaired "a shape cannot be read: it is left out";
     TextureUnnamed "texture-unnamed" Repaired "a texture names no file: it is left out";
     TextBehind "text-behind" Repaired "something stands behind the robot's end: passed over";
+    XmlLoose "xml-loose" Repaired "a comment holds `--`, or blank lines stand before `<?xml`: passed over";
     PrefixUndeclared "prefix-undeclared" Repaired "an XML prefix is not declared: it is passed over";
     XacroInclude "xacro-include" Repaired "a xacro includes colours, motors or a simulator's settings: they are passed over";
     NumberCommas "number-commas" Repaired "commas stand between the numbers of a vector: read as blanks";

@@ -380,3 +380,16 @@ fn frames_of_mjcf_are_looked_into() {
     let body = guess_body(&text, &no_meshes).unwrap();
     assert_eq!(body.parts.left_elbow.as_deref(), Some("left_lower_arm"));
 }
+
+/// Simulators read what XML forbids: `--` in a comment, blank lines before `<?xml`.
+#[test]
+fn xml_that_simulators_read_is_read_and_said() {
+    let strict = Robot::op3().urdf;
+    let bare = &strict[strict.find("<robot").unwrap()..];
+    let loose = format!("\n\n<?xml version=\"1.0\"?>\n<!-- a -- b --->\n{bare}");
+    let found = lint(&loose);
+    let codes: Vec<&str> = found.iter().map(|found| found.code.as_str()).collect();
+    assert_eq!(codes, ["xml-loose"]);
+    let mjcf = "<!-- -- --><mujoco><worldbody><body name=\"base\"/></worldbody></mujoco>";
+    assert_eq!(urdf_from_mjcf(mjcf).unwrap().1[0].code.as_str(), "xml-loose");
+}

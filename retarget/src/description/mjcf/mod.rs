@@ -22,7 +22,7 @@ use roxmltree::Node;
 
 use crate::config::RetargetError;
 use crate::description::diagnostic::{Diagnostic, DiagnosticCode, Diagnostics};
-use crate::description::xml::{check_depth, parse};
+use crate::description::xml::{check_depth, parse, read_loosely};
 use attributes::{MjcfAttributes, MjcfElement};
 use bodies::MjcfBodies;
 pub use include::with_includes;
@@ -53,6 +53,7 @@ pub(super) fn read(
     text: &str,
     diagnostics: &mut Diagnostics,
 ) -> Result<urdf_rs::Robot, RetargetError> {
+    let text = &*read_loosely(text, diagnostics);
     check_depth(text)?;
     let document = parse(text).map_err(|error| RetargetError::Mjcf(error.to_string()))?;
     let root = document.root_element();
