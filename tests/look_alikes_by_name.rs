@@ -305,6 +305,27 @@ fn the_other_arm_is_where_the_first_is_mirrored() {
     assert_eq!(body.parts.right_elbow.as_deref(), Some("second_boom3_link"));
 }
 
+/// Sides in two or three letters, as makers of robots and of ships write them.
+#[test]
+fn sides_are_read_in_their_short_forms() {
+    for [left, right] in [["lt", "rt"], ["Lft", "Rgt"], ["sx", "dx"], ["port", "stbd"]] {
+        let mut rig = Rig::new();
+        // Facing -x: only the names tell which side is the left one.
+        for (side, y) in [(left, -0.1), (right, 0.1)] {
+            let name = |part: &str| format!("{side}_{part}");
+            let link = |part: &str| format!("{side}_{part}_link");
+            rig = rig
+                .joint("revolute", &name("hip"), "base", &format!("0 {y} 0"), X)
+                .joint("revolute", &name("thigh"), &link("hip"), "0 0 -0.02", Y)
+                .joint("revolute", &name("knee"), &link("thigh"), "0 0 -0.2", Y)
+                .joint("revolute", &name("ankle"), &link("knee"), "0 0 -0.2", Y);
+        }
+        let body = guess(&rig.urdf());
+        assert_eq!((body.kind, body.forward), (BodyKind::Biped, "-x"), "{left}");
+        assert_eq!(body.parts.left_knee, Some(format!("{left}_knee_link")));
+    }
+}
+
 /// As a student's robot of open parts: what the head's joint turns is called after the camera.
 #[test]
 fn a_camera_that_the_heads_joint_turns_is_the_head() {

@@ -61,6 +61,9 @@ const SIDES_ABROAD: [[&str; 2]; 11] = [
     ["trai", "phai"],
 ];
 
+/// Short forms of sides that stand alone, left and right: those of a ship, too.
+const SIDES_SHORT: [[&str; 2]; 5] =
+    [["lt", "rt"], ["lft", "rgt"], ["sx", "dx"], ["port", "stbd"], ["port", "starboard"]];
 /// What every robot has: behind a side that is written out a word of its own.
 const PLAIN: &[&str] = &["link", "joint", "motor", "servo"];
 
@@ -229,6 +232,9 @@ fn unglue(word: &str) -> Vec<String> {
     if let Some(parts) = side_abroad(word) {
         return parts;
     }
+    if let Some(side) = SIDES_SHORT.iter().find_map(|pair| pair.iter().position(|s| *s == word)) {
+        return vec![SIDES[side].to_owned()];
+    }
     // A letter of the maker before a part: zarm, jleg.
     let after_letter = word.char_indices().nth(1).map(|(at, _)| &word[at..]);
     let plain =
@@ -298,6 +304,10 @@ mod tests {
             ("right_left_1_link", Some(1), false, false),
             ("head_left_right", None, false, false),
             ("leftlink", Some(0), false, false),
+            ("arm_lt_2", Some(0), true, false),
+            ("Rgt_hip", Some(1), false, true),
+            ("spalla_arm_dx", Some(1), true, false),
+            ("stbd_wheel", Some(1), false, false),
         ] {
             let words = NameWords::of_names(&[name]);
             let read = (words.side(), words.is_arm(), words.is_leg());
