@@ -151,3 +151,26 @@ fn a_rovers_suspension_is_passive() {
     let body = guess(&rig);
     assert_eq!((body.kind, body.parts.head), (BodyKind::Wheeled, None));
 }
+
+/// As a soccer robot in French: `tibia` says which chains are legs, and nothing which are arms.
+#[test]
+fn arms_without_names_are_found_beside_legs_with_names() {
+    let with = |arm: &str, leg: &str| {
+        let mut rig = Rig::new().joint("revolute", "cou", "base", "0 0 0.35", Z);
+        for (side, y) in [("gauche", 0.1), ("droite", -0.1)] {
+            let shoulder = format!("0 {y} 0.3");
+            let joints = [(shoulder.as_str(), Y), ("0 0 0", X), ("0 0 -0.15", Y)];
+            rig = chain(rig, "base", &format!("{side}_{arm}"), &joints);
+            let hip = format!("0 {y} 0");
+            let joints =
+                [(hip.as_str(), Z), ("0 0 0", X), ("0 0 0", Y), ("0 0 -0.2", Y), ("0 0 -0.2", Y)];
+            rig = chain(rig, "base", &format!("{side}_{leg}"), &joints);
+        }
+        guess(&rig)
+    };
+    for body in [with("bras", "tibia"), with("arm", "jambe")] {
+        assert_eq!((body.kind, body.forward, body.up), (BodyKind::Humanoid, "x", "z"));
+        assert!(body.parts.right_elbow.is_some_and(|elbow| elbow.starts_with("droite")));
+        assert!(body.parts.left_knee.is_some_and(|knee| knee.starts_with("gauche")));
+    }
+}

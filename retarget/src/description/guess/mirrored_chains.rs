@@ -38,6 +38,27 @@ pub(super) fn mirrored_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
     }
 }
 
+/// The arms of a robot whose legs are known by their names: the pair that ends highest, if it
+/// begins above them.
+pub(super) fn mirrored_arms(body: &LinkTree, legs: &[usize]) -> [Option<usize>; 2] {
+    let found = mirrored_pairs(body, legs);
+    let arms = found.and_then(|MirroredPairs { pairs, up }| {
+        let above = |link: usize| legs.iter().all(|&leg| body.at(link)[up] > body.at(leg)[up]);
+        pairs.last().filter(|pair| pair.iter().all(|&arm| above(arm))).copied()
+    });
+    arms.map_or([None; 2], |pair| pair.map(Some))
+}
+
+/// The legs of a robot whose arms are known by their names.
+pub(super) fn mirrored_legs(body: &LinkTree, arms: &[usize]) -> [Option<usize>; 2] {
+    let found = mirrored_pairs(body, arms);
+    let legs = found.and_then(|MirroredPairs { pairs, up }| {
+        let first = pairs.first().copied();
+        first.filter(|pair| stand(body, pair, up) && are_lowest(body, pair, up))
+    });
+    legs.map_or([None; 2], |pair| pair.map(Some))
+}
+
 /// The chain beside one whose name says its side: the only one that mirrors it.
 pub(super) fn mirror_partner(
     body: &LinkTree,

@@ -114,6 +114,7 @@ fn human_like(body: &LinkTree) -> Anatomy {
     let mut reasons = Vec::new();
     let mut starts = named_starts(body);
     one_limb_each(body, &mut starts);
+    let unnamed = starts.map(|pair| pair.iter().all(Option::is_none));
     // Fingers of a gripper, or the sections of a telescope, have names of arms too.
     let [arms, _] = &mut starts;
     let turning = arms.map(|arm| arm.map_or(0, |arm| body.turning(&body.path(arm, LimbKind::Arm))));
@@ -146,6 +147,13 @@ fn human_like(body: &LinkTree) -> Anatomy {
             );
         }
     }
+    let by_shape = named && add_by_shape(body, &mut starts, unnamed);
+    if by_shape {
+        reasons.push(
+            "names tell of arms or of legs only: the others are chains that mirror each other"
+                .into(),
+        );
+    }
     let find = |start: Option<usize>, kind| {
         start.map_or_else(FoundLimb::default, |start| body.limb(body.path(start, kind), kind))
     };
@@ -176,7 +184,7 @@ fn human_like(body: &LinkTree) -> Anatomy {
     };
     let head = crown.or_else(|| find_head(body, chest, &in_limb));
     let axes = axes::find(body, &arms, &legs, head, chest, &mut reasons);
-    let kind = kind::of_limbs(&arms, &legs, head, named).map(|guess| match antennas {
+    let kind = kind::of_limbs(&arms, &legs, head, named && !by_shape).map(|guess| match antennas {
         Some(_) if guess.kind == BodyKind::UpperBody => {
             KindGuess { kind: BodyKind::Head, reason: "two antennas by names".into(), ..guess }
         }
@@ -248,6 +256,26 @@ fn one_limb_each(body: &LinkTree, starts: &mut [[Option<usize>; 2]; 2]) {
         starts[usize::from(is_leg)][side] = Some(upper);
         starts[usize::from(!is_leg)][side] = None;
     }
+}
+
+/// Where names tell of arms only, or of legs only, the other pair by its shape. Whether there is
+/// one.
+fn add_by_shape(body: &LinkTree, starts: &mut [[Option<usize>; 2]; 2], unnamed: [bool; 2]) -> bool {
+    let known: Vec<usize> = starts.iter().flatten().flatten().copied().collect();
+    let (pair, found) = match unnamed {
+        [true, false] => (0, mirrored_chains::mirrored_arms(body, &known)),
+        [false, true] => (1, mirrored_chains::mirrored_legs(body, &known)),
+        _ => return false,
+    };
+    let is_other = |link: usize| {
+        let words = &body.words[link];
+        words.is_wheel() || words.is_antenna() || words.is_on_head() || body.is_head(link)
+    };
+    if found.iter().flatten().next().is_none() || found.iter().flatten().any(|&l| is_other(l)) {
+        return false;
+    }
+    starts[pair] = found;
+    true
 }
 
 /// The limb beside one whose name says its side: by its name, else the chain that mirrors it

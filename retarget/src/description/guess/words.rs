@@ -160,6 +160,10 @@ impl NameWords {
         self.has(HEAD) && !self.has(ON_HEAD)
     }
 
+    pub fn is_on_head(&self) -> bool {
+        self.has(ON_HEAD)
+    }
+
     pub fn is_trunk(&self) -> bool {
         self.has(TRUNK)
     }
