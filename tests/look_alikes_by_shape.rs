@@ -174,3 +174,14 @@ fn arms_without_names_are_found_beside_legs_with_names() {
         assert!(body.parts.left_knee.is_some_and(|knee| knee.starts_with("gauche")));
     }
 }
+
+/// Lengths in millimetres make a robot of a hundred metres.
+#[test]
+fn a_robot_in_millimetres_is_noted() {
+    let sizes = |up: &str| {
+        let rig = chain(Rig::new(), "base", "neck", &[(up, Z), (up, Y)]);
+        let found = lint(&rig.urdf());
+        found.iter().filter(|found| found.code.as_str() == "size-absurd").count()
+    };
+    assert_eq!(["0 0 0.1", "0 0 100", "0 0 0.0001"].map(sizes), [0, 1, 1]);
+}

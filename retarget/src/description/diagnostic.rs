@@ -129,6 +129,7 @@ codes! {
     JointContinuous "joint-continuous" Note "a joint turns without end: the servo map's limits hold, counted through without a jump";
     JointPrismatic "joint-prismatic" Note "a joint slides: it is held at rest";
     JointMimic "joint-mimic" Note "a joint follows another: it moves with it and needs no servo of its own";
+    SizeAbsurd "size-absurd" Note "a size that no robot has: more than 10 m, or less than 2 cm; are its lengths in metres?";
     AxisTilted "axis-tilted" Note "an axis is tilted against the body's axes: used as it is";
     LimitExtended "limit-extended" Note "acceleration, deceleration or jerk is given: used for a new robot file";
     ForwardUnusual "forward-unusual" Note "the root link does not look along x with z up";
