@@ -83,7 +83,7 @@ impl NameWords {
 
     /// Sides that are written out count more than single letters: `r2/left_arm`. Behind such a
     /// letter two more are no corner: `L_rf_1` is the ring finger of the left hand.
-    fn of_names(names: &[&str]) -> Self {
+    pub fn of_names(names: &[&str]) -> Self {
         let letter = |word: &String| ["l", "r"].contains(&word.as_str());
         // In `R_arm_l1` the second letter is the link's.
         let first_letter = |name: &&str| {
