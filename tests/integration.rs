@@ -25,6 +25,7 @@ mod kinds;
 mod live;
 mod look_alikes;
 mod look_alikes_by_name;
+mod look_alikes_by_shape;
 mod motion_files;
 mod mutate;
 mod on_beat;

@@ -222,3 +222,120 @@ fn a_body_and_its_joint_may_share_a_name() {
     );
     assert_eq!(guess(&text).kind, BodyKind::Wheeled);
 }
+
+/// As Vizzy: a shoulder and a wrist move by abduction, as hips do.
+#[test]
+fn a_shoulder_that_abducts_is_no_leg() {
+    let mut rig = Rig::new().joint("revolute", "waist", "base", "0 0 0.5", Z);
+    for (side, y) in [("l", 0.2), ("r", -0.2)] {
+        let name = |part: &str| format!("{side}_{part}");
+        let link = |part: &str| format!("{side}_{part}_link");
+        rig = rig
+            .joint("revolute", &name("shoulder_flection"), "waist_link", &format!("0 {y} 0.4"), Y)
+            .joint("revolute", &name("shoulder_abduction"), &link("shoulder_flection"), "0 0 0", X)
+            .joint("revolute", &name("elbow_flection"), &link("shoulder_abduction"), "0 0 -0.2", Y)
+            .joint("revolute", &name("wrist_abduction"), &link("elbow_flection"), "0 0 -0.2", X);
+    }
+    let body = guess(&rig.urdf());
+    assert_eq!((body.kind, body.parts.left_hip), (BodyKind::UpperBody, None));
+    assert_eq!(body.parts.left_elbow.as_deref(), Some("l_elbow_flection_link"));
+    assert_eq!(body.parts.right_shoulder.as_deref(), Some("r_shoulder_abduction_link"));
+}
+
+/// As a student's biped: the parts of its legs are called shoulder, thigh and bicep.
+#[test]
+fn a_leg_with_words_of_an_arm_is_no_arm_too() {
+    let mut rig = Rig::new();
+    for (side, y) in [("bl", 0.1), ("br", -0.1)] {
+        let name = |part: &str| format!("{side}_{part}");
+        rig = rig
+            .joint("revolute", &name("shoulder_to_base"), "base", &format!("0 {y} -0.05"), X)
+            .renamed(&name("shoulder_to_base_link"), &name("shoulder"))
+            .joint("revolute", &name("thigh_to_shoulder"), &name("shoulder"), "0 0 -0.03", Y)
+            .renamed(&name("thigh_to_shoulder_link"), &name("thigh"))
+            .joint("revolute", &name("bicep_to_thigh"), &name("thigh"), "0 0 -0.15", Y)
+            .renamed(&name("bicep_to_thigh_link"), &name("bicep"));
+    }
+    let body = guess(&rig.urdf());
+    assert_eq!((body.kind, body.parts.left_shoulder), (BodyKind::Biped, None));
+    assert_eq!(body.parts.right_knee.as_deref(), Some("br_bicep"));
+}
+
+/// As Agibot G1: `right_left_1` is the left finger of the right hand.
+#[test]
+fn fingers_of_both_sides_leave_the_arms_theirs() {
+    let mut rig = Rig::new().joint("revolute", "head", "base", "0 0 0.5", Z);
+    for (side, y) in [("left", 0.2), ("right", -0.2)] {
+        let at = format!("0 {y} 0.4");
+        let arm = [(at.as_str(), Y), ("0 0 0", X), ("0 0 -0.2", Y), ("0 0 -0.2", Z)];
+        rig = chain(rig, "base", &format!("{side}_joint"), &arm);
+        // The joint of one finger is called after the gripper.
+        for (finger, joint, across) in [("left", "gripper", 0.03), ("right", "right_1", -0.03)] {
+            let joint = format!("{side}_{joint}");
+            rig = rig
+                .joint(
+                    "revolute",
+                    &joint,
+                    &format!("{side}_joint4_link"),
+                    &format!("0 {across} 0"),
+                    X,
+                )
+                .renamed(&format!("{joint}_link"), &format!("{side}_{finger}_1_link"));
+        }
+    }
+    let body = guess(&rig.urdf());
+    assert_eq!(body.kind, BodyKind::UpperBody);
+    assert_eq!(body.parts.chest.as_deref(), Some("base"));
+    assert_eq!(body.parts.left_elbow.as_deref(), Some("left_joint3_link"));
+    assert_eq!(body.parts.right_elbow.as_deref(), Some("right_joint3_link"));
+}
+
+/// One arm says its side, the other one is called otherwise: they mirror each other.
+#[test]
+fn the_other_arm_is_where_the_first_is_mirrored() {
+    let arm = |y: f64| [(format!("0 {y} 0.4"), Y), ("0 0 0".into(), X), ("0 0 -0.2".into(), Y)];
+    let mut rig = Rig::new().joint("revolute", "head", "base", "0 0 0.5", Z);
+    for (name, y) in [("left_arm", 0.2), ("second_boom", -0.2)] {
+        let joints = arm(y);
+        let joints = joints.each_ref().map(|(at, axis)| (at.as_str(), *axis));
+        rig = chain(rig, "base", name, &joints);
+    }
+    let body = guess(&rig.urdf());
+    assert_eq!(body.kind, BodyKind::UpperBody);
+    assert_eq!(body.parts.right_elbow.as_deref(), Some("second_boom3_link"));
+}
+
+/// Sides in two or three letters, as makers of robots and of ships write them.
+#[test]
+fn sides_are_read_in_their_short_forms() {
+    for [left, right] in [["lt", "rt"], ["Lft", "Rgt"], ["sx", "dx"], ["port", "stbd"]] {
+        let mut rig = Rig::new();
+        // Facing -x: only the names tell which side is the left one.
+        for (side, y) in [(left, -0.1), (right, 0.1)] {
+            let name = |part: &str| format!("{side}_{part}");
+            let link = |part: &str| format!("{side}_{part}_link");
+            rig = rig
+                .joint("revolute", &name("hip"), "base", &format!("0 {y} 0"), X)
+                .joint("revolute", &name("thigh"), &link("hip"), "0 0 -0.02", Y)
+                .joint("revolute", &name("knee"), &link("thigh"), "0 0 -0.2", Y)
+                .joint("revolute", &name("ankle"), &link("knee"), "0 0 -0.2", Y);
+        }
+        let body = guess(&rig.urdf());
+        assert_eq!((body.kind, body.forward), (BodyKind::Biped, "-x"), "{left}");
+        assert_eq!(body.parts.left_knee, Some(format!("{left}_knee_link")));
+    }
+}
+
+/// As a student's robot of open parts: what the head's joint turns is called after the camera.
+#[test]
+fn a_camera_that_the_heads_joint_turns_is_the_head() {
+    let body = guess(
+        &Rig::new()
+            .joint("revolute", "head_yaw", "base", "0 0 0.1", Z)
+            .renamed("head_yaw_link", "sts3250_6")
+            .joint("revolute", "head_pitch", "sts3250_6", "0 0 0.03", Y)
+            .renamed("head_pitch_link", "camera_enclosure")
+            .urdf(),
+    );
+    assert_eq!(body.parts.head.as_deref(), Some("camera_enclosure"));
+}

@@ -97,6 +97,7 @@ codes! {
     GeometryUnreadable "geometry-unreadable" Repaired "a shape cannot be read: it is left out";
     TextureUnnamed "texture-unnamed" Repaired "a texture names no file: it is left out";
     TextBehind "text-behind" Repaired "something stands behind the robot's end: passed over";
+    XmlLoose "xml-loose" Repaired "a comment holds `--`, or blank lines stand before `<?xml`: passed over";
     PrefixUndeclared "prefix-undeclared" Repaired "an XML prefix is not declared: it is passed over";
     XacroInclude "xacro-include" Repaired "a xacro includes colours, motors or a simulator's settings: they are passed over";
     NumberCommas "number-commas" Repaired "commas stand between the numbers of a vector: read as blanks";
@@ -128,6 +129,7 @@ codes! {
     JointContinuous "joint-continuous" Note "a joint turns without end: the servo map's limits hold, counted through without a jump";
     JointPrismatic "joint-prismatic" Note "a joint slides: it is held at rest";
     JointMimic "joint-mimic" Note "a joint follows another: it moves with it and needs no servo of its own";
+    SizeAbsurd "size-absurd" Note "a size that no robot has: more than 10 m, or less than 2 cm; are its lengths in metres?";
     AxisTilted "axis-tilted" Note "an axis is tilted against the body's axes: used as it is";
     LimitExtended "limit-extended" Note "acceleration, deceleration or jerk is given: used for a new robot file";
     ForwardUnusual "forward-unusual" Note "the root link does not look along x with z up";

@@ -19,7 +19,10 @@ pub(super) fn mimic_numbers(mimic: &urdf_rs::Mimic) -> (f64, f64) {
     (mimic.multiplier.unwrap_or(1.0), mimic.offset.unwrap_or(0.0))
 }
 
-/// Whether a joint is called passive: others move it (the rods of a platform, say).
+/// Whether a joint is called passive: others move it (the rods of a platform, say), or the ground
+/// does by the wheels of a rover.
 pub(super) fn is_passive(joint: &urdf_rs::Joint) -> bool {
-    joint.name.to_lowercase().contains("passive")
+    const PASSIVE: [&str; 5] = ["passive", "suspension", "rocker", "bogie", "spring"];
+    let name = joint.name.to_lowercase();
+    PASSIVE.iter().any(|word| name.contains(word))
 }

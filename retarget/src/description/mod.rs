@@ -23,7 +23,7 @@ use crate::config::{JointCoupling, RetargetError};
 use diagnostic::{DiagnosticCode, Diagnostics};
 use plausible_inertia::repair_inertias;
 use urdf::RateLimitsByJoint;
-use xml::check_depth;
+use xml::{check_depth, read_loosely};
 
 use joints::is_passive;
 pub(crate) use joints::{held_position, is_driven};
@@ -52,6 +52,7 @@ impl Description {
 
     /// Parses and checks a URDF; `None` if anything was refused.
     pub fn with_diagnostics(xml: &str, diagnostics: &mut Diagnostics) -> Option<Self> {
+        let xml = &*read_loosely(xml, diagnostics);
         if let Err(error) = check_depth(xml) {
             diagnostics.refuse(DiagnosticCode::Xml, error);
             return None;

@@ -1,9 +1,10 @@
 //! Robot descriptions as they are found: usable, or refused with a reason.
 
 use proptest::prelude::*;
-use servodance_retarget::nalgebra::Point3;
+use servodance_retarget::nalgebra::{Point3, Vector3};
 use servodance_retarget::{
-    DiagnosticCode, RetargetConfig, RetargetError, Retargeter, RobotModel, lint,
+    DiagnosticCode, RetargetConfig, RetargetError, Retargeter, RobotModel, guess_body, lint,
+    no_meshes, urdf_from_mjcf,
 };
 use servodance_types::JointLimits;
 
@@ -257,7 +258,7 @@ fn a_shape_of_mjcf_has_its_own_colour_or_its_materials() {
         <geom type="sphere" size="0.1" material="skin"/>
         <geom type="sphere" size="0.1" material="skin" rgba="0 1 0 1"/>
         <geom type="sphere" size="0.1" class="dark"/></body></body></worldbody></mujoco>"#;
-    let (urdf, _) = servodance_retarget::urdf_from_mjcf(mjcf).expect("a URDF");
+    let (urdf, _) = urdf_from_mjcf(mjcf).expect("a URDF");
     let [blue, skin] = [[0.0, 0.0, 1.0, 1.0], [1.0, 0.5, 0.0, 1.0]];
     let [green, dark] = [[0.0, 1.0, 0.0, 1.0], [0.1, 0.1, 0.1, 1.0]];
     assert_eq!(colours(&urdf), [blue, skin, green, dark]);
@@ -277,7 +278,7 @@ fn meshes_of_mjcf_are_drawn_by_their_files_names_and_simple_shapes_beside_them_o
         <geom type="mesh" mesh="turned"/>
         <geom type="mesh" mesh="hull" class="solid"/><geom type="mesh" mesh="gone"/>
         <geom type="box" size="0.1 0.2 0.3"/></body></body></worldbody></mujoco>"#;
-    let (urdf, found) = servodance_retarget::urdf_from_mjcf(mjcf).expect("a URDF");
+    let (urdf, found) = urdf_from_mjcf(mjcf).expect("a URDF");
     let model = RobotModel::new(&urdf, &[]).expect("a model");
     let [foot, turned] = model.meshes() else { panic!("{:?}", model.meshes()) };
     assert_eq!((foot.filename.as_str(), foot.scale), ("assets/parts/foot.stl", [0.001; 3]));
@@ -290,7 +291,7 @@ fn meshes_of_mjcf_are_drawn_by_their_files_names_and_simple_shapes_beside_them_o
     let left_out = found.iter().find(|f| f.code == DiagnosticCode::MjcfLeftOut);
     assert!(left_out.is_some_and(|f| f.subject == "tip" && f.message.starts_with("1 shapes")));
     let plain = mjcf.replace("meshdir", "strippath=\"true\" assetdir");
-    let (urdf, _) = servodance_retarget::urdf_from_mjcf(&plain).expect("a URDF");
+    let (urdf, _) = urdf_from_mjcf(&plain).expect("a URDF");
     let model = RobotModel::new(&urdf, &[]).expect("a model");
     assert_eq!(model.meshes()[0].filename, "assets/foot.stl");
 }
@@ -307,14 +308,14 @@ fn the_world_of_mjcf_is_the_base_of_limbs_that_hang_from_it_by_one_joint() {
         + &leg("one", hinge)
         + &leg("two", hinge)
         + &leg("ball", "<freejoint/>");
-    let (urdf, found) = servodance_retarget::urdf_from_mjcf(&world(&hung)).unwrap();
+    let (urdf, found) = urdf_from_mjcf(&world(&hung)).unwrap();
     let model = RobotModel::new(&urdf, &[]).unwrap();
     assert_eq!(model.link_names()[0], "base");
     assert_eq!(model.link_names().len(), 5, "{urdf}");
     assert!(found.iter().any(|f| f.subject == "ball" && f.message.contains("object")), "{found:?}");
     // A root that floats in a plane.
     let planar = leg("torso", &("<joint type='slide'/>".to_owned() + hinge));
-    let (urdf, found) = servodance_retarget::urdf_from_mjcf(&world(&planar)).unwrap();
+    let (urdf, found) = urdf_from_mjcf(&world(&planar)).unwrap();
     assert!(urdf.contains("link name=\"torso\""), "{urdf}");
     assert_eq!(found.iter().filter(|f| f.message.contains("held")).count(), 2, "{found:?}");
 }
@@ -331,13 +332,64 @@ fn the_world_of_mjcf_is_the_base_of_arms_that_are_bolted_to_it() {
     let table = "<body name='table'><geom type='box' size='1 1 .1'/></body>";
     let world = |bodies: &str| format!("<mujoco><worldbody>{bodies}</worldbody></mujoco>");
     let both = table.to_owned() + &arm("left", -0.5) + door + &arm("right", 0.5);
-    let (urdf, found) = servodance_retarget::urdf_from_mjcf(&world(&both)).unwrap();
+    let (urdf, found) = urdf_from_mjcf(&world(&both)).unwrap();
     let model = RobotModel::new(&urdf, &[]).unwrap();
     assert_eq!(model.link_names()[0], "base");
     for part in ["left_elbow", "right_elbow"] {
         assert!(model.link(part).is_some(), "{urdf}");
     }
     assert_eq!(found.iter().filter(|f| f.message.contains("object")).count(), 2, "{found:?}");
-    let (urdf, _) = servodance_retarget::urdf_from_mjcf(&world(&arm("left", -0.5))).unwrap();
+    let (urdf, _) = urdf_from_mjcf(&world(&arm("left", -0.5))).unwrap();
     assert!(!urdf.contains("link name=\"base\""), "{urdf}");
+}
+
+/// A frame moves and turns what stands in it, and may hold another; its class is theirs.
+#[test]
+fn frames_of_mjcf_are_looked_into() {
+    let arm = |side: &str| {
+        format!(
+            "<body name=\"{side}_upper_arm\"><joint name=\"{side}_shoulder\" axis=\"0 1 0\"/>\
+             <geom type=\"capsule\" size=\".03\" fromto=\"0 0 0 0 0 -.2\"/>\
+             <frame pos=\"0 0 -.2\" childclass=\"weak\"><body name=\"{side}_lower_arm\">\
+             <joint name=\"{side}_elbow\" axis=\"0 1 0\"/></body></frame></body>"
+        )
+    };
+    let text = format!(
+        "<mujoco><default><default class=\"weak\"><joint range=\"-90 0\"/></default></default>\
+         <worldbody><body name=\"torso\"><freejoint/><frame pos=\"0 .1 0\">\
+         <frame pos=\"0 .05 .1\" euler=\"0 0 90\"><geom name=\"g\" size=\".02\" pos=\".1 0 0\"/>{}\
+         </frame></frame><frame pos=\"0 -.15 .1\">{}</frame>\
+         <replicate count=\"3\"><geom size=\".1\"/></replicate></body></worldbody></mujoco>",
+        arm("left"),
+        arm("right")
+    );
+    let (urdf, found) = urdf_from_mjcf(&text).unwrap();
+    let left_out: Vec<&str> = found.iter().map(|found| found.subject.as_str()).collect();
+    assert_eq!(left_out, ["replicate"]);
+    let model = RobotModel::new(&urdf, &["left_elbow", "right_elbow"]).unwrap();
+    let place = |link: &str| {
+        let at = model.link_poses(&[0.0; 2])[model.link(link).unwrap()];
+        (at * Point3::origin()).coords
+    };
+    assert!((place("left_lower_arm") - Vector3::new(0.0, 0.15, -0.1)).norm() < 1e-6);
+    assert!((place("right_lower_arm") - Vector3::new(0.0, -0.15, -0.1)).norm() < 1e-6);
+    // The left arm is turned by its frame: its shoulder's axis y is -x of the torso.
+    let turned = model.link_poses(&[0.0; 2])[model.link("left_upper_arm").unwrap()];
+    assert!((turned * Vector3::y() + Vector3::x()).norm() < 1e-6);
+    assert!(urdf.contains("-1.57"), "the class of the frame gives the elbow its range: {urdf}");
+    let body = guess_body(&text, &no_meshes).unwrap();
+    assert_eq!(body.parts.left_elbow.as_deref(), Some("left_lower_arm"));
+}
+
+/// Simulators read what XML forbids: `--` in a comment, blank lines before `<?xml`.
+#[test]
+fn xml_that_simulators_read_is_read_and_said() {
+    let strict = Robot::op3().urdf;
+    let bare = &strict[strict.find("<robot").unwrap()..];
+    let loose = format!("\n\n<?xml version=\"1.0\"?>\n<!-- a -- b --->\n{bare}");
+    let found = lint(&loose);
+    let codes: Vec<&str> = found.iter().map(|found| found.code.as_str()).collect();
+    assert_eq!(codes, ["xml-loose"]);
+    let mjcf = "<!-- -- --><mujoco><worldbody><body name=\"base\"/></worldbody></mujoco>";
+    assert_eq!(urdf_from_mjcf(mjcf).unwrap().1[0].code.as_str(), "xml-loose");
 }

@@ -1,9 +1,7 @@
 //! How much of a dance a robot can stand: found by dancing it in several worlds.
 
-use std::fmt;
-
 use servodance_model::motion::Clip;
-use servodance_retarget::{BodyKind, RetargetConfig};
+use servodance_retarget::{BodyKind, BodyLinks, RetargetConfig};
 use servodance_sim::world::WorldOptions;
 
 use super::servo_loop::ServoVariation;
@@ -60,18 +58,21 @@ impl StandingShares {
             *part *= self.arms;
         }
     }
-}
 
-impl fmt::Display for StandingShares {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { pelvis, arm_zmp_limit, arms } = self;
-        let [pelvis, arm_zmp_limit, arms] =
-            [pelvis, arm_zmp_limit, arms].map(|share| share * 100.0);
-        write!(
-            out,
-            "{pelvis:.0} % of the pelvis's movement and {arms:.0} % of the arms', whose swings \
-             have {arm_zmp_limit:.0} % of the soles before they give way"
-        )
+    /// In words, of what the body has.
+    pub fn shown(&self, body: &BodyLinks) -> String {
+        let [pelvis, arms] = [self.pelvis, self.arms].map(|share| share * 100.0);
+        let pelvis = format!("{pelvis:.0} % of the pelvis's movement");
+        let has_arms = body.left_elbow.is_some() || body.right_elbow.is_some();
+        match (has_arms, body.head.is_some()) {
+            (true, _) => format!(
+                "{pelvis} and {arms:.0} % of the arms', whose swings have {:.0} % of the soles \
+                 before they give way",
+                self.arm_zmp_limit * 100.0
+            ),
+            (false, true) => format!("{pelvis} and {arms:.0} % of the head's"),
+            (false, false) => pelvis,
+        }
     }
 }
 

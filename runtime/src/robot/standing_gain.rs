@@ -22,7 +22,7 @@ pub fn settle_amplitude(
     let Some(StandingAmplitude { shares, .. }) = find_amplitude(&robot, dances, false)? else {
         bail!("{}: in the simulated world it falls whatever it leaves out", robot.name);
     };
-    let found = format!("{}: stands {shares}", robot.name);
+    let found = format!("{}: stands {}", robot.name, shares.shown(&robot.retarget.body));
     let path = Path::new(file);
     if path.extension().is_none_or(|e| e != "toml") {
         return Ok(format!("{found} (a built-in robot: nothing is written)"));
@@ -54,6 +54,7 @@ fn with_shares(text: &str, shares: &StandingShares) -> anyhow::Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use servodance_retarget::BodyLinks;
 
     #[test]
     fn shares_are_written_and_comments_stay() {
@@ -66,5 +67,16 @@ mod tests {
             "{written}"
         );
         assert_eq!(with_shares(&written, &shares).unwrap(), written);
+    }
+
+    #[test]
+    fn shares_are_shown_of_what_the_body_has() {
+        let shares = StandingShares { pelvis: 0.5, arm_zmp_limit: 0.4, arms: 1.0 };
+        let mut body = BodyLinks::default();
+        assert_eq!(shares.shown(&body), "50 % of the pelvis's movement");
+        body.head = Some("head".into());
+        assert!(shares.shown(&body).ends_with("and 100 % of the head's"));
+        body.left_elbow = Some("elbow".into());
+        assert!(shares.shown(&body).contains("100 % of the arms'"));
     }
 }

@@ -5,6 +5,13 @@ use k::nalgebra::{Point3, Vector3};
 use super::limb::{FoundLimb, mean};
 use super::link_tree::LinkTree;
 
+/// A trunk from hips to shoulders of less than this share of the legs tells no way.
+const LEAST_TRUNK: f64 = 0.2;
+/// Cosine of the farthest that a trunk leans.
+const UPRIGHT: f64 = 0.8;
+/// Cosine of what lies in one line.
+const IN_LINE: f64 = 0.95;
+
 /// Axes of the root link that point forward and up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct BodyAxes {
@@ -31,6 +38,14 @@ impl BodyAxes {
     pub fn is_usual(&self) -> bool {
         self.forward == Vector3::x() && self.up == Vector3::z()
     }
+}
+
+/// Whether base, shoulders and head lie in one line: then that is up, whatever z is.
+fn stands_in_line(body: &LinkTree, shoulders: Option<Point3<f64>>, head: Option<usize>) -> bool {
+    let Some((shoulders, head)) = shoulders.zip(head) else { return false };
+    let ways = [shoulders - body.at(0), body.at(head) - shoulders];
+    let axis = nearest_axis(ways[0]);
+    ways.iter().all(|way| way.norm() > 5e-2 && way.dot(&axis) > IN_LINE * way.norm())
 }
 
 fn nearest_axis(direction: Vector3<f64>) -> Vector3<f64> {
@@ -66,16 +81,26 @@ pub(super) fn find(
     let hips = both(&pairs[1]);
     let feet: Vec<_> = legs.iter().filter_map(|leg| leg.path.last()).map(|&l| body.at(l)).collect();
     let top = shoulders.or(head.map(|head| body.at(head)));
-    let upward = match (hips, mean(&feet), top, head) {
-        (Some(hips), Some(feet), _, _) if (hips - feet).norm() > 1e-2 => hips - feet,
+    let flat = |way: Vector3<f64>| way - left * left.dot(&way);
+    let trunk = shoulders.zip(hips).map_or_else(Vector3::zeros, |(top, hips)| flat(top - hips));
+    let is_straight = trunk.amax() > UPRIGHT * trunk.norm();
+    let trunk_m = if is_straight { trunk.norm() } else { 0.0 };
+    let upward = match (hips, mean(&feet), top) {
+        // Legs may be folded at zero, and what carries the limbs is the same at any angles.
+        (Some(hips), Some(feet), _) if trunk_m > LEAST_TRUNK * (hips - feet).norm() => trunk,
+        (Some(hips), Some(feet), _) if (hips - feet).norm() > 1e-2 => hips - feet,
+        // Where shoulders lie to the base says little: z is up, unless the arms lie along it.
+        _ if left.z == 0.0 && !stands_in_line(body, shoulders, head) => Vector3::z(),
         // A head may look out ahead of the shoulders, which are above the base in any case.
-        (_, _, Some(top), _) if (top - body.at(0)).norm() > 5e-2 => top - body.at(0),
-        (_, _, Some(top), Some(head)) if (body.at(head) - top).norm() > 1e-2 => body.at(head) - top,
-        (_, _, Some(top), _) => top - body.at(chest),
+        (_, _, Some(top)) if (top - body.at(0)).norm() > 5e-2 => top - body.at(0),
+        (_, _, Some(top)) => match head.map(|head| body.at(head) - top) {
+            Some(neck) if neck.norm() > 1e-2 => neck,
+            _ => top - body.at(chest),
+        },
         _ => Vector3::z(),
     };
     // What lies across is not up.
-    let upward = upward - left * left.dot(&upward);
+    let upward = flat(upward);
     let up = match upward.norm() > 1e-2 {
         true => nearest_axis(upward),
         false if left.z == 0.0 => Vector3::z(),

@@ -56,7 +56,7 @@ pub(super) fn four_legs(body: &LinkTree) -> Option<FourLegs> {
     (0..body.model.links.len()).find_map(|carrier| {
         let starts: Vec<usize> = (1..body.model.links.len())
             .filter(|&link| body.is_moved(link) && body.carrier(link) == carrier)
-            .filter(|&link| !body.words[link].is_wheel() && !body.words[link].is_head())
+            .filter(|&link| !body.words[link].is_wheel() && !body.is_head(link))
             .filter(|&link| body.turning(&body.path(link, LimbKind::Paw)) >= 2)
             .filter(|&link| !body.is_finger(link))
             .collect();
@@ -163,14 +163,14 @@ pub(super) fn lone_chain(body: &LinkTree) -> Option<Vec<usize>> {
     let links = 0..body.model.links.len();
     let starts = links.filter(|&link| {
         let first = body.is_moved(link) && body.carrier(link) == 0;
-        first && !body.words[link].is_wheel() && !body.words[link].is_head()
+        first && !body.words[link].is_wheel() && !body.is_head(link)
     });
     let paths: Vec<Vec<usize>> = starts.map(|link| body.path(link, LimbKind::Lone)).collect();
     let longest = paths.iter().max_by_key(|path| body.turning(path))?;
     let joints = body.turning(longest);
     let alike = paths.iter().filter(|path| body.turning(path) == joints).count();
     let named = longest.iter().any(|&link| body.words[link].is_arm());
-    let head = longest.iter().any(|&link| body.words[link].is_head());
+    let head = longest.iter().any(|&link| body.is_head(link));
     let enough = joints >= ARM_JOINTS || (named && joints >= 2) || reaches(body, longest);
     let enough = enough && !body.is_telescope(longest);
     (enough && alike < FINGERS && !head).then(|| longest.clone())

@@ -23,6 +23,8 @@ const LEVEL_SHARE: f64 = 0.02;
 const TOES_SHARE: f64 = 0.4;
 /// Joints within this share of a limb are at one place: a ball joint.
 const BALL_SHARE: f64 = 0.01;
+/// Cosine from which a chain that points so far down hangs.
+pub(super) const HANGING: f64 = 0.7;
 /// So many joints that slide, one after the other, are a telescope.
 const TELESCOPE: usize = 2;
 
@@ -67,6 +69,12 @@ impl LinkTree<'_> {
         self.at(path.last().copied().unwrap_or(start))
     }
 
+    /// Whether a chain ends well below its beginning; z is up.
+    pub fn hangs(&self, start: usize) -> bool {
+        let down = self.at(start) - self.end(start);
+        down.z > HANGING * down.norm()
+    }
+
     /// Whether a chain is short beside the one that carries it, as at the end of an arm.
     pub fn is_finger(&self, start: usize) -> bool {
         let carrier = self.carrier(start);
@@ -104,6 +112,19 @@ impl LinkTree<'_> {
     pub fn is_moved(&self, link: usize) -> bool {
         let above = self.model.links[link].parent;
         above.is_some_and(|above| self.model.drives_above(link) > self.model.drives_above(above))
+    }
+
+    /// Whether the joint right above `link` follows another.
+    pub fn follows(&self, link: usize) -> bool {
+        let led = |joint: usize| self.model.joint_names()[joint] != self.model.parent_joints[link];
+        self.model.links[link].drive.is_some_and(|drive| led(drive.joint))
+    }
+
+    /// Whether a link is a head: one that is called a camera is, too, if the joint that turns it
+    /// is called a head's.
+    pub fn is_head(&self, link: usize) -> bool {
+        let by_joint = || NameWords::of_joint(self.model, link).is_head();
+        self.words[link].is_head() || (self.is_moved(link) && by_joint())
     }
 
     /// Driven joints below `link` along the longest way.

@@ -2,16 +2,87 @@
 
 use k::nalgebra::{Point3, Vector3};
 
-use super::limb::{ARM_JOINTS, LimbKind};
+use super::limb::{ARM_JOINTS, HANGING, LimbKind};
 use super::link_tree::LinkTree;
+use super::shape::corners_of;
+
+/// What ends within this share of a robot's height from its lowest point stands on the floor.
+const LOWEST_SHARE: f64 = 0.05;
+
+/// A pair of chains alike, `[left, right]`.
+type Pair = [usize; 2];
+
+/// Pairs of chains that mirror each other across one axis, the one that ends lowest first, and
+/// which axis of the root is up.
+struct MirroredPairs {
+    pairs: Vec<Pair>,
+    up: usize,
+}
 
 /// First moving links of `[arms, legs]`, each `[left, right]`, by geometry
 /// alone; z is taken as up unless the chains lie across it.
 pub(super) fn mirrored_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
+    let Some(MirroredPairs { pairs, up }) = mirrored_pairs(body, &[]) else {
+        return Default::default();
+    };
+    let both = |pair: &Pair| pair.map(Some);
+    let none = [None, None];
+    match &pairs[..] {
+        [] => [none, none],
+        [only] => match stand(body, only, up) && are_lowest(body, only, up) {
+            true => [none, both(only)],
+            false => [both(only), none],
+        },
+        [legs, .., arms] if stand(body, legs, up) => [both(arms), both(legs)],
+        [.., arms] => [both(arms), none],
+    }
+}
+
+/// The arms of a robot whose legs are known by their names: the pair that ends highest, if it
+/// begins above them.
+pub(super) fn mirrored_arms(body: &LinkTree, legs: &[usize]) -> [Option<usize>; 2] {
+    let found = mirrored_pairs(body, legs);
+    let arms = found.and_then(|MirroredPairs { pairs, up }| {
+        let above = |link: usize| legs.iter().all(|&leg| body.at(link)[up] > body.at(leg)[up]);
+        pairs.last().filter(|pair| pair.iter().all(|&arm| above(arm))).copied()
+    });
+    arms.map_or([None; 2], |pair| pair.map(Some))
+}
+
+/// The legs of a robot whose arms are known by their names.
+pub(super) fn mirrored_legs(body: &LinkTree, arms: &[usize]) -> [Option<usize>; 2] {
+    let found = mirrored_pairs(body, arms);
+    let legs = found.and_then(|MirroredPairs { pairs, up }| {
+        let first = pairs.first().copied();
+        first.filter(|pair| stand(body, pair, up) && are_lowest(body, pair, up))
+    });
+    legs.map_or([None; 2], |pair| pair.map(Some))
+}
+
+/// The chain beside one whose name says its side: the only one that mirrors it.
+pub(super) fn mirror_partner(
+    body: &LinkTree,
+    limb: usize,
+    may_be: impl Fn(usize) -> bool,
+) -> Option<usize> {
+    let beside = |link: usize| body.is_moved(link) && body.carrier(link) == body.carrier(limb);
+    let mut partners = (1..body.model.links.len())
+        .filter(|&link| link != limb && beside(link) && may_be(link))
+        .filter(|&link| mirror_axis(body, limb, link).is_some());
+    partners.next().filter(|_| partners.next().is_none())
+}
+
+/// Pairs of chains, but those of limbs that begin at `known`.
+fn mirrored_pairs(body: &LinkTree, known: &[usize]) -> Option<MirroredPairs> {
+    let is_known = |link: usize| {
+        let of =
+            |&known: &usize| body.model.is_below(link, known) || body.model.is_below(known, link);
+        known.iter().any(of)
+    };
     let mut pairs = Vec::new();
     for parent in 0..body.model.links.len() {
         let starts: Vec<usize> = (1..body.model.links.len())
-            .filter(|&link| body.is_moved(link) && body.carrier(link) == parent)
+            .filter(|&link| body.is_moved(link) && body.carrier(link) == parent && !is_known(link))
             .collect();
         // Three chains alike and more are fingers, or wheels.
         let joints = |start: usize| body.turning(&body.path(start, LimbKind::Arm));
@@ -32,44 +103,57 @@ pub(super) fn mirrored_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
     }
     // The lateral axis most pairs agree on.
     let votes = |axis: usize| pairs.iter().filter(|pair| pair.2 == axis).count();
-    let Some(lateral) = [1, 0, 2].into_iter().max_by_key(|&axis| (votes(axis), axis == 1)) else {
-        return Default::default();
-    };
+    let lateral = [1, 0, 2].into_iter().max_by_key(|&axis| (votes(axis), axis == 1))?;
     let up = if lateral == 2 { 1 } else { 2 };
     let lowest = |pair: &(usize, usize, usize)| body.end(pair.0)[up];
     let mut pairs: Vec<_> = pairs.into_iter().filter(|pair| pair.2 == lateral).collect();
     pairs.sort_by(|a, b| lowest(a).total_cmp(&lowest(b)));
+    let sided = |pair: (usize, usize, usize)| sided(body, [pair.0, pair.1], lateral);
+    Some(MirroredPairs { pairs: pairs.into_iter().map(sided).collect(), up })
+}
+
+/// Which of two chains is the left one: by their names, else by where they end.
+fn sided(body: &LinkTree, [one, other]: [usize; 2], lateral: usize) -> Pair {
     // Left is y where forward is x, and -x where forward is y.
     let sign = if lateral == 0 { -1.0 } else { 1.0 };
-    let sided = |pair: &(usize, usize, usize)| {
-        let by_place = sign * (body.end(pair.0)[lateral] - body.end(pair.1)[lateral]) > 0.0;
-        let first_is_left = match [pair.0, pair.1].map(|start| body.words[start].side()) {
-            [Some(one), Some(other)] if one != other => one < other,
-            _ => by_place,
-        };
-        match first_is_left {
-            true => [Some(pair.0), Some(pair.1)],
-            false => [Some(pair.1), Some(pair.0)],
-        }
+    let by_place = sign * (body.end(one)[lateral] - body.end(other)[lateral]) > 0.0;
+    let first_is_left = match [one, other].map(|start| body.words[start].side()) {
+        [Some(one), Some(other)] if one != other => one < other,
+        _ => by_place,
     };
-    let none = [None, None];
-    match &pairs[..] {
-        [] => [none, none],
-        [only] => match stand(body, only, up) {
-            true => [none, sided(only)],
-            false => [sided(only), none],
-        },
-        [legs, .., arms] if stand(body, legs, up) => [sided(arms), sided(legs)],
-        [.., arms] => [sided(arms), none],
-    }
+    if first_is_left { [one, other] } else { [other, one] }
 }
 
 /// Whether two chains have the joints of a leg and hang below their beginnings.
-fn stand(body: &LinkTree, &(one, other, _): &(usize, usize, usize), up: usize) -> bool {
-    [one, other].into_iter().all(|start| {
+fn stand(body: &LinkTree, pair: &Pair, up: usize) -> bool {
+    pair.iter().all(|&start| {
         let down = body.at(start) - body.end(start);
-        1 + body.moved_below(start) >= 5 && down[up] > 0.7 * down.norm()
+        1 + body.moved_below(start) >= 5 && down[up] > HANGING * down.norm()
     })
+}
+
+/// Whether a single pair that hangs can be the legs: it reaches as far down as anything of the
+/// robot, and no lift or waist that rises from the base carries it. Arms hang, too.
+fn are_lowest(body: &LinkTree, pair: &Pair, up: usize) -> bool {
+    let heights = |is_part: &dyn Fn(usize) -> bool| {
+        let links = (0..body.model.links.len()).filter(|&link| is_part(link));
+        links.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], link| {
+            let at = body.at(link)[up];
+            [low.min(at), high.max(at)]
+        })
+    };
+    // A frame on the floor below the robot is none of its parts.
+    let is_part = |link: usize| body.is_moved(link) || body.model.links[link].mass_kg > 0.0;
+    let is_of_pair = |link: usize| pair.iter().any(|&start| body.model.is_below(link, start));
+    let [lowest, highest] = heights(&is_part);
+    let [joints, _] = heights(&is_of_pair);
+    let ends = pair.iter().filter_map(|&start| body.path(start, LimbKind::Leg).last().copied());
+    let soles = ends.flat_map(|end| corners_of(body, end)).map(|corner| corner[up]);
+    let reach = soles.fold(joints, f64::min);
+    let near = LOWEST_SHARE * (highest - lowest);
+    let carrier = body.carrier(pair[0]);
+    let rises = carrier > 0 && body.at(carrier)[up] > body.at(0)[up] + near;
+    reach <= lowest + near && !rises
 }
 
 /// The axis across which two chains mirror each other, if they do: where they are, or where

@@ -14,6 +14,8 @@ mod sole;
 mod wheels;
 pub(crate) mod words;
 
+use std::cmp::Ordering;
+
 use crate::config::BodyKind;
 use crate::kinematics::RobotModel;
 pub use link_tree::{MeshReader, no_meshes};
@@ -111,6 +113,8 @@ fn human_like(body: &LinkTree) -> Anatomy {
     let model = body.model;
     let mut reasons = Vec::new();
     let mut starts = named_starts(body);
+    one_limb_each(body, &mut starts);
+    let unnamed = starts.map(|pair| pair.iter().all(Option::is_none));
     // Fingers of a gripper, or the sections of a telescope, have names of arms too.
     let [arms, _] = &mut starts;
     let turning = arms.map(|arm| arm.map_or(0, |arm| body.turning(&body.path(arm, LimbKind::Arm))));
@@ -143,6 +147,13 @@ fn human_like(body: &LinkTree) -> Anatomy {
             );
         }
     }
+    let by_shape = named && add_by_shape(body, &mut starts, unnamed);
+    if by_shape {
+        reasons.push(
+            "names tell of arms or of legs only: the others are chains that mirror each other"
+                .into(),
+        );
+    }
     let find = |start: Option<usize>, kind| {
         start.map_or_else(FoundLimb::default, |start| body.limb(body.path(start, kind), kind))
     };
@@ -160,9 +171,8 @@ fn human_like(body: &LinkTree) -> Anatomy {
     };
     let carrier = join(tops(&arms));
     // Antennas stand on the head itself.
-    let crown = antennas.and_then(|_| {
-        model.ancestors(carrier).find(|&link| link > 0 && body.words[link].is_head())
-    });
+    let crown = antennas
+        .and_then(|_| model.ancestors(carrier).find(|&link| link > 0 && body.is_head(link)));
     let chest = crown.and_then(|link| model.links[link].parent).unwrap_or(carrier);
     let pelvis = match tops(&legs) {
         (None, None) => 0,
@@ -174,7 +184,7 @@ fn human_like(body: &LinkTree) -> Anatomy {
     };
     let head = crown.or_else(|| find_head(body, chest, &in_limb));
     let axes = axes::find(body, &arms, &legs, head, chest, &mut reasons);
-    let kind = kind::of_limbs(&arms, &legs, head, named).map(|guess| match antennas {
+    let kind = kind::of_limbs(&arms, &legs, head, named && !by_shape).map(|guess| match antennas {
         Some(_) if guess.kind == BodyKind::UpperBody => {
             KindGuess { kind: BodyKind::Head, reason: "two antennas by names".into(), ..guess }
         }
@@ -213,11 +223,74 @@ fn named_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
             most.filter(|_| !wheels).map(|link| first_of_side(body, link, side))
         });
         match pair {
-            [Some(left), None] => [Some(left), without_side(body, left)],
-            [None, Some(right)] => [without_side(body, right), Some(right)],
+            [Some(left), None] => [Some(left), partner(body, left, 0, kind)],
+            [None, Some(right)] => [partner(body, right, 1, kind), Some(right)],
             pair => pair,
         }
     })
+}
+
+/// A chain that has words of an arm and of a leg is what most of its links are called, and a leg
+/// where that is undecided and it hangs: one limb is not both.
+fn one_limb_each(body: &LinkTree, starts: &mut [[Option<usize>; 2]; 2]) {
+    for side in 0..2 {
+        let [Some(arm), Some(leg)] = [starts[0][side], starts[1][side]] else { continue };
+        let upper = match (body.model.is_below(leg, arm), body.model.is_below(arm, leg)) {
+            (true, _) => arm,
+            (_, true) => leg,
+            _ => continue,
+        };
+        // A robot whose root is a foot carries its trunk, and so the other side, on that leg.
+        let mut below = (upper..body.model.links.len()).filter(|&l| body.model.is_below(l, upper));
+        if below.any(|l| body.is_moved(l) && body.words[l].side() == Some(1 - side)) {
+            continue;
+        }
+        let path = body.path(upper, LimbKind::Arm);
+        let count = |is: fn(&NameWords) -> bool| {
+            path.iter().filter(|&&l| body.is_moved(l) && is(&body.words[l])).count()
+        };
+        let is_leg = match count(NameWords::is_leg).cmp(&count(NameWords::is_arm)) {
+            Ordering::Equal => body.hangs(upper),
+            more => more == Ordering::Greater,
+        };
+        starts[usize::from(is_leg)][side] = Some(upper);
+        starts[usize::from(!is_leg)][side] = None;
+    }
+}
+
+/// Where names tell of arms only, or of legs only, the other pair by its shape. Whether there is
+/// one.
+fn add_by_shape(body: &LinkTree, starts: &mut [[Option<usize>; 2]; 2], unnamed: [bool; 2]) -> bool {
+    let known: Vec<usize> = starts.iter().flatten().flatten().copied().collect();
+    let (pair, found) = match unnamed {
+        [true, false] => (0, mirrored_chains::mirrored_arms(body, &known)),
+        [false, true] => (1, mirrored_chains::mirrored_legs(body, &known)),
+        _ => return false,
+    };
+    let is_other = |link: usize| {
+        let words = &body.words[link];
+        words.is_wheel() || words.is_antenna() || words.is_on_head() || body.is_head(link)
+    };
+    if found.iter().flatten().next().is_none() || found.iter().flatten().any(|&l| is_other(l)) {
+        return false;
+    }
+    starts[pair] = found;
+    true
+}
+
+/// The limb beside one whose name says its side: by its name, else the chain that mirrors it
+/// and is called nothing else.
+fn partner(body: &LinkTree, limb: usize, side: usize, kind: LimbKind) -> Option<usize> {
+    let may_be = |link: usize| {
+        let words = &body.words[link];
+        let is_other = match kind {
+            LimbKind::Leg => words.is_arm(),
+            _ => words.is_leg(),
+        };
+        words.side() != Some(side) && !is_other && !words.is_wheel() && !body.is_head(link)
+    };
+    let by_shape = || mirrored_chains::mirror_partner(body, limb, may_be);
+    without_side(body, limb).or_else(by_shape)
 }
 
 /// The limb beside one with a side in its name: of the same name, but for that.
@@ -267,7 +340,7 @@ fn above_limb(body: &LinkTree, top: usize, arms: &[FoundLimb; 2], legs: &[FoundL
 fn find_head(body: &LinkTree, chest: usize, in_limb: &impl Fn(usize) -> bool) -> Option<usize> {
     let moving =
         || (1..body.model.links.len()).filter(|&link| body.is_moved(link) && !in_limb(link));
-    let named = moving().filter(|&l| body.words[l].is_head()).max_by_key(|&link| {
+    let named = moving().filter(|&l| body.is_head(l)).max_by_key(|&link| {
         let skull = body.words[link].has(&["head", "skull"]);
         (skull, body.model.drives_above(link))
     });
@@ -275,7 +348,7 @@ fn find_head(body: &LinkTree, chest: usize, in_limb: &impl Fn(usize) -> bool) ->
     let fixed = || {
         let links = 1..body.model.links.len();
         links
-            .filter(|&link| !in_limb(link) && body.words[link].is_head())
+            .filter(|&link| !in_limb(link) && body.is_head(link))
             .find(|&link| body.model.drives_above(link) > body.model.drives_above(chest))
     };
     named.or_else(fixed).or_else(|| {
@@ -285,7 +358,9 @@ fn find_head(body: &LinkTree, chest: usize, in_limb: &impl Fn(usize) -> bool) ->
             .filter(|&l| !body.words[l].is_trunk() && body.moved_below(l) == 0)
             .filter(|&l| !body.words[l].is_leg())
             .filter(|&l| body.model.drives_above(l) - body.model.drives_above(chest) <= 3)
+            .filter(|&l| !body.follows(l))
             .collect();
+        wheels::leave_out_pairs(body, &mut short);
         // Several of one joint each on one link are wheels without a name that says so.
         let carried = short.clone();
         let carrier = |link: usize| body.carrier(link);

@@ -11,6 +11,8 @@ use k::nalgebra::{Point3, Vector3};
 const MOST: usize = 8;
 /// Steepest axle that still counts as level: sine of its angle.
 const LEVEL: f64 = 0.1;
+/// Cosine of the way from one wheel to the other against their axle.
+const ON_AXLE: f64 = 0.95;
 /// Smallest radius of a wheel, metres.
 const SMALLEST_M: f64 = 1e-3;
 
@@ -26,6 +28,23 @@ pub(crate) struct DrivenWheel {
 pub(super) fn is_axle(body: &LinkTree, link: usize) -> bool {
     let JointMotion::Revolute(axis) = body.model.links[link].motion else { return false };
     (body.poses[link].rotation * axis.into_inner()).z.abs() < LEVEL
+}
+
+/// Takes out links of one joint that are beside each other on one level axle: wheels, whatever
+/// they are called.
+pub(super) fn leave_out_pairs(body: &LinkTree, links: &mut Vec<usize>) {
+    let axle = |link: usize| match body.model.links[link].motion {
+        JointMotion::Revolute(axis) => body.poses[link].rotation * axis.into_inner(),
+        _ => Vector3::zeros(),
+    };
+    let share_axle = |one: usize, other: usize| {
+        let apart = body.at(one) - body.at(other);
+        let along = |link: usize| apart.dot(&axle(link)).abs() > ON_AXLE * apart.norm();
+        one != other && body.carrier(one) == body.carrier(other) && along(one) && along(other)
+    };
+    let all = links.clone();
+    links
+        .retain(|&link| !(is_axle(body, link) && all.iter().any(|&other| share_axle(link, other))));
 }
 
 /// The driven wheels of a base, by their names: on level axles on the base itself. None

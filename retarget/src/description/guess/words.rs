@@ -8,13 +8,15 @@ pub(crate) const ELBOW: &[&str] = &["elbow", "el", "elb"];
 pub(crate) const FOREARM: &[&str] = &["forearm", "lowerarm", "lower", "fore"];
 pub(crate) const HAND: &[&str] =
     &["hand", "wrist", "palm", "gripper", "tip", "fist", "ee", "tool", "endeffector"];
-const ARM: &[&str] = &["shoulder", "sho", "shld", "shldr", "arm", "upperarm", "humerus", "biceps"];
+const ARM: &[&str] =
+    &["shoulder", "sho", "shld", "shldr", "arm", "upperarm", "humerus", "bicep", "biceps"];
 const FINGER: &[&str] =
     &["finger", "fingers", "thumb", "index", "middle", "ring", "pinky", "little"];
 pub(crate) const KNEE: &[&str] = &["knee", "kfe"];
 pub(crate) const SHANK: &[&str] = &["shank", "calf", "shin", "tibia", "lowerleg"];
-const LEG: &[&str] =
-    &["hip", "thigh", "femur", "leg", "upperleg", "upleg", "haa", "hfe", "abduction"];
+const LEG: &[&str] = &["hip", "thigh", "femur", "leg", "upperleg", "upleg", "haa", "hfe"];
+/// A movement of a leg, where nothing says that a shoulder or a wrist makes it.
+const ABDUCTION: &[&str] = &["abduction"];
 pub(crate) const ANKLE: &[&str] = &["ankle", "ank"];
 pub(crate) const SOLE: &[&str] = &["sole", "foot", "toe", "toes"];
 pub(crate) const TOES: &[&str] = &["toe", "toes"];
@@ -59,6 +61,12 @@ const SIDES_ABROAD: [[&str; 2]; 11] = [
     ["trai", "phai"],
 ];
 
+/// Short forms of sides that stand alone, left and right: those of a ship, too.
+const SIDES_SHORT: [[&str; 2]; 5] =
+    [["lt", "rt"], ["lft", "rgt"], ["sx", "dx"], ["port", "stbd"], ["port", "starboard"]];
+/// What every robot has: behind a side that is written out a word of its own.
+const PLAIN: &[&str] = &["link", "joint", "motor", "servo"];
+
 #[derive(Clone, Debug, Default)]
 pub(crate) struct NameWords(Vec<String>);
 
@@ -75,7 +83,7 @@ impl NameWords {
 
     /// Sides that are written out count more than single letters: `r2/left_arm`. Behind such a
     /// letter two more are no corner: `L_rf_1` is the ring finger of the left hand.
-    fn of_names(names: &[&str]) -> Self {
+    pub fn of_names(names: &[&str]) -> Self {
         let letter = |word: &String| ["l", "r"].contains(&word.as_str());
         // In `R_arm_l1` the second letter is the link's.
         let first_letter = |name: &&str| {
@@ -107,14 +115,14 @@ impl NameWords {
         self.0.len()
     }
 
-    /// 0 left, 1 right.
+    /// 0 left, 1 right: the first in the name, for `right_left_1` is the left finger of the right
+    /// hand. What comes before both moves that way: `head_left_right`.
     pub fn side(&self) -> Option<usize> {
-        let [left, right] = SIDES.map(|side| self.has(&[side]));
-        match (left, right) {
-            (true, false) => Some(0),
-            (false, true) => Some(1),
-            _ => None,
-        }
+        let of = |word: &String| SIDES.iter().position(|side| word == side);
+        let (at, side) = self.0.iter().enumerate().find_map(|(at, word)| Some((at, of(word)?)))?;
+        let next = self.0.get(at + 1).and_then(of);
+        let is_way = at > 0 && next.is_some_and(|next| next != side);
+        (!is_way).then_some(side)
     }
 
     /// The words that say no side.
@@ -127,7 +135,11 @@ impl NameWords {
     }
 
     pub fn is_arm(&self) -> bool {
-        [ARM, ELBOW, FOREARM, HAND, FINGER].iter().any(|part| self.has(part)) && !self.is_leg()
+        self.has_arm() && !self.is_leg()
+    }
+
+    fn has_arm(&self) -> bool {
+        [ARM, ELBOW, FOREARM, HAND, FINGER].iter().any(|part| self.has(part))
     }
 
     pub fn is_antenna(&self) -> bool {
@@ -140,11 +152,16 @@ impl NameWords {
     }
 
     pub fn is_leg(&self) -> bool {
-        [LEG, KNEE, SHANK, ANKLE, SOLE].iter().any(|part| self.has(part))
+        let has = [LEG, KNEE, SHANK, ANKLE, SOLE].iter().any(|part| self.has(part));
+        has || (self.has(ABDUCTION) && !self.has_arm())
     }
 
     pub fn is_head(&self) -> bool {
         self.has(HEAD) && !self.has(ON_HEAD)
+    }
+
+    pub fn is_on_head(&self) -> bool {
+        self.has(ON_HEAD)
     }
 
     pub fn is_trunk(&self) -> bool {
@@ -206,10 +223,11 @@ fn side_abroad(word: &str) -> Option<Vec<String>> {
 
 /// Sides written out, also where they are glued to a part.
 fn unglue(word: &str) -> Vec<String> {
-    let parts = [ARM, ELBOW, FOREARM, HAND, LEG, KNEE, SHANK, ANKLE, SOLE, FINGER, WHEEL];
-    let known = |rest: &str| rest.len() > 2 && parts.iter().any(|part| part.contains(&rest));
+    let limbs = [ARM, ELBOW, FOREARM, HAND, LEG, ABDUCTION, KNEE, SHANK, ANKLE, SOLE];
+    let parts = || limbs.iter().chain(&[FINGER, WHEEL]);
+    let known = |rest: &str| rest.len() > 2 && parts().any(|part| part.contains(&rest));
     let sides = [("left", "left"), ("right", "right"), ("l", "left"), ("r", "right")];
-    if parts.iter().any(|part| part.contains(&word)) {
+    if parts().any(|part| part.contains(&word)) {
         return vec![word.to_owned()];
     }
     if let Some(corner) = corner(word) {
@@ -217,6 +235,9 @@ fn unglue(word: &str) -> Vec<String> {
     }
     if let Some(parts) = side_abroad(word) {
         return parts;
+    }
+    if let Some(side) = SIDES_SHORT.iter().find_map(|pair| pair.iter().position(|s| *s == word)) {
+        return vec![SIDES[side].to_owned()];
     }
     // A letter of the maker before a part: zarm, jleg.
     let after_letter = word.char_indices().nth(1).map(|(at, _)| &word[at..]);
@@ -231,8 +252,9 @@ fn unglue(word: &str) -> Vec<String> {
         if word == mark {
             return vec![side.to_owned()];
         }
+        let before_plain = word.strip_prefix(side).filter(|rest| PLAIN.contains(rest));
         let rest = word.strip_prefix(mark).or_else(|| word.strip_suffix(mark));
-        if let Some(rest) = rest.filter(|rest| known(rest)) {
+        if let Some(rest) = before_plain.or(rest.filter(|rest| known(rest))) {
             return vec![side.to_owned(), rest.to_owned()];
         }
     }
@@ -280,6 +302,16 @@ mod tests {
             ("brazo_derecho_arm_2", Some(1), true, false),
             ("bras_gauche_elbow", Some(0), true, false),
             ("duitrai", Some(0), false, false),
+            ("l_shoulder_abduction_joint", Some(0), true, false),
+            ("motor_front_left_abduction", Some(0), false, true),
+            ("RBicep", Some(1), true, false),
+            ("right_left_1_link", Some(1), false, false),
+            ("head_left_right", None, false, false),
+            ("leftlink", Some(0), false, false),
+            ("arm_lt_2", Some(0), true, false),
+            ("Rgt_hip", Some(1), false, true),
+            ("spalla_arm_dx", Some(1), true, false),
+            ("stbd_wheel", Some(1), false, false),
         ] {
             let words = NameWords::of_names(&[name]);
             let read = (words.side(), words.is_arm(), words.is_leg());

@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 
 use crate::description::diagnostic::{DiagnosticCode, Diagnostics};
+use crate::description::guess::words::NameWords;
 use crate::description::joints::mimic_numbers;
 
 pub(super) const PLACEHOLDER_RAD_S: f64 = 50.0;
@@ -105,7 +106,11 @@ fn lint_mirror(joint: &urdf_rs::Joint, robot: &urdf_rs::Robot, diagnostics: &mut
     let Some(other_name) = right_of(&joint.name) else {
         return;
     };
-    let Some(other) = robot.joints.iter().find(|other| other.name == other_name) else {
+    // A joint between two links of one side may say it twice.
+    let all_right = joint.name.replace("left", "right").replace("Left", "Right");
+    let named = |name: &str| robot.joints.iter().find(|other| other.name == *name);
+    let other = named(&other_name).or_else(|| named(&all_right));
+    let Some(other) = other.filter(|other| other.name != joint.name) else {
         let message = format!("there is no `{other_name}`");
         diagnostics.add(DiagnosticCode::SideMissing, &joint.name, message);
         return;
@@ -120,8 +125,8 @@ fn lint_mirror(joint: &urdf_rs::Joint, robot: &urdf_rs::Robot, diagnostics: &mut
     let opposite = near(a.lower, -b.upper) && near(a.upper, -b.lower);
     if !same && !opposite {
         let message = format!(
-            "{} to {}, but `{other_name}` {} to {}: is a sign wrong?",
-            a.lower, a.upper, b.lower, b.upper
+            "{} to {}, but `{}` {} to {}: is a sign wrong?",
+            a.lower, a.upper, other.name, b.lower, b.upper
         );
         diagnostics.add(DiagnosticCode::SidesDiffer, &joint.name, message);
     }
@@ -144,8 +149,23 @@ fn right_of(name: &str) -> Option<String> {
             return Some(name.replacen(left, right, 1));
         }
     }
+    // In `FL_l` the last letter counts: the side is in the corner before it.
+    let is_side = |rest: &&str| NameWords::of_names(&[rest]).side().is_none();
     match name.strip_prefix("l_") {
-        Some(rest) => Some(format!("r_{rest}")),
-        None => name.strip_suffix("_l").map(|rest| format!("{rest}_r")),
+        Some(rest) => is_side(&rest).then(|| format!("r_{rest}")),
+        None => name.strip_suffix("_l").filter(is_side).map(|rest| format!("{rest}_r")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_letter_behind_a_corner_is_no_side() {
+        let right = |name| right_of(name);
+        assert_eq!(right("hip_l").as_deref(), Some("hip_r"));
+        assert_eq!(right("l_hip").as_deref(), Some("r_hip"));
+        assert_eq!((right("FL_l"), right("RR_l"), right("head")), (None, None, None));
     }
 }

@@ -15,6 +15,9 @@ use crate::description::{self, Description, is_driven};
 use crate::kinematics::RobotModel;
 use joints::PLACEHOLDER_RAD_S;
 
+/// Joints of a robot lie no farther apart, and no nearer to each other, metres.
+const LARGEST_M: f64 = 10.0;
+const SMALLEST_M: f64 = 0.02;
 /// Cosine of the tilt from which an axis counts as tilted, about 8 degrees.
 const STRAIGHT: f64 = 0.99;
 
@@ -46,6 +49,7 @@ fn lint_body(description: &Description, diagnostics: &mut Diagnostics) {
     };
     let positions = description.zero_positions(model.joint_names());
     lint_axes(robot, &model, &positions, diagnostics);
+    lint_size(robot, &model, &positions, diagnostics);
     let body = anatomy(&model, &positions, None, &no_meshes);
     if body.kind.is_none() {
         let message = "no arm, leg, head or driven wheels were found, by names or by shape: nothing of it can \
@@ -66,6 +70,28 @@ fn lint_body(description: &Description, diagnostics: &mut Diagnostics) {
         let message = format!("no link ends the limb; its end is taken at {x:.3} {y:.3} {z:.3} m");
         diagnostics.add(DiagnosticCode::TipMissing, &tip.link, message);
     }
+}
+
+/// A size that speaks for lengths in millimetres, or in anything else than metres.
+fn lint_size(
+    robot: &urdf_rs::Robot,
+    model: &RobotModel,
+    positions: &[f64],
+    diagnostics: &mut Diagnostics,
+) {
+    let places: Vec<_> = model.link_poses(positions).iter().map(|p| p.translation.vector).collect();
+    let span = |axis: usize| {
+        let along = places.iter().map(|place| place[axis]);
+        along.clone().fold(f64::MIN, f64::max) - along.fold(f64::MAX, f64::min)
+    };
+    let size_m = (0..3).map(span).fold(0.0, f64::max);
+    let guess = match size_m {
+        size if size > LARGEST_M => "in millimetres?",
+        size if size > 0.0 && size < SMALLEST_M => "are its lengths in metres?",
+        _ => return,
+    };
+    let message = format!("its joints lie {size_m:.3} m apart: {guess}");
+    diagnostics.add(DiagnosticCode::SizeAbsurd, &robot.name, message);
 }
 
 /// Axes that lie along none of the root link's axes at zero.

@@ -83,7 +83,7 @@ impl MjcfAttributes {
         root: Node<'a, 'a>,
         tag: &'static str,
     ) -> impl Iterator<Item = MjcfElement<'a>> {
-        let root = MjcfElement { node: root, class: "main", attributes: self };
+        let root = MjcfElement::new(root, "main", self);
         root.children("asset").flat_map(move |asset| asset.children(tag))
     }
 
@@ -117,18 +117,46 @@ pub(super) struct MjcfElement<'a> {
     pub node: Node<'a, 'a>,
     pub class: &'a str,
     pub attributes: &'a MjcfAttributes,
+    /// The frame around it in that of its body.
+    pub around: Isometry3<f64>,
 }
 
 impl<'a> MjcfElement<'a> {
+    pub fn new(node: Node<'a, 'a>, class: &'a str, attributes: &'a MjcfAttributes) -> Self {
+        Self { node, class, attributes, around: Isometry3::identity() }
+    }
+
     /// A child of this one, or any other element, with the same class around it.
     pub fn at(self, node: Node<'a, 'a>) -> Self {
-        Self { node, ..self }
+        Self::new(node, self.class, self.attributes)
     }
 
     /// The children of this name.
     pub fn children(self, tag: &'static str) -> impl Iterator<Item = Self> {
         let named = self.node.children().filter(move |child| child.has_tag_name(tag));
         named.map(move |node| self.at(node))
+    }
+
+    /// The same of a body, with what stands in a `frame`. Fails where a frame's numbers cannot be
+    /// read.
+    pub fn parts(self, tag: &str) -> Result<Vec<Self>, RetargetError> {
+        let mut found = Vec::new();
+        self.at(self.node).gather(tag, &mut found)?;
+        Ok(found)
+    }
+
+    /// Frames are nested as deep as `check_depth` allows at most.
+    fn gather(self, tag: &str, found: &mut Vec<Self>) -> Result<(), RetargetError> {
+        for node in self.node.children() {
+            let child = Self { node, ..self };
+            if node.has_tag_name(tag) {
+                found.push(child);
+            } else if node.has_tag_name("frame") {
+                let class = node.attribute("childclass").unwrap_or(self.class);
+                Self { class, around: child.pose()?, ..child }.gather(tag, found)?;
+            }
+        }
+        Ok(())
     }
 
     /// An attribute, or its class's.
@@ -171,10 +199,10 @@ impl<'a> MjcfElement<'a> {
         Ok(values.copied().unwrap_or(default))
     }
 
-    /// `pos` and whichever orientation is given.
+    /// `pos` and whichever orientation is given, in the body around.
     pub fn pose(self) -> Result<Isometry3<f64>, RetargetError> {
         let at = Vector3::from(self.vector("pos", [0.0; 3])?);
-        Ok(Isometry3::from_parts(Translation3::from(at), self.orientation()?))
+        Ok(self.around * Isometry3::from_parts(Translation3::from(at), self.orientation()?))
     }
 
     fn orientation(self) -> Result<UnitQuaternion<f64>, RetargetError> {

@@ -32,14 +32,19 @@ type Carrier = (usize, Isometry3<f64>);
 /// Whether a body of the world hangs from it by one hinge or slide. More are a root that
 /// floats in a plane.
 fn turns_against_world(body: &MjcfElement) -> bool {
-    let mut joints = body.children("joint");
-    let first = joints.next().map(|joint| joint.text("type").unwrap_or("hinge"));
-    matches!(first, Some("hinge" | "slide")) && joints.next().is_none()
+    let joints = parts_if_readable(body, "joint");
+    let kinds: Vec<_> = joints.iter().map(|joint| joint.text("type").unwrap_or("hinge")).collect();
+    matches!(kinds[..], ["hinge" | "slide"])
 }
 
 /// Whether a body of the world is bolted to it.
 fn is_bolted(body: &MjcfElement) -> bool {
-    body.children("joint").chain(body.children("freejoint")).next().is_none()
+    ["joint", "freejoint"].iter().all(|tag| parts_if_readable(body, tag).is_empty())
+}
+
+/// A frame that cannot be read is refused where its body is added.
+fn parts_if_readable<'a>(body: &MjcfElement<'a>, tag: &str) -> Vec<MjcfElement<'a>> {
+    body.parts(tag).unwrap_or_default()
 }
 
 /// Joints of a body and of all below it.
@@ -56,16 +61,19 @@ impl<'d> MjcfBodies<'d> {
         attributes: &MjcfAttributes,
         diagnostics: &'d mut Diagnostics,
     ) -> Result<Self, RetargetError> {
-        let worlds = root.children().filter(|n| n.has_tag_name("worldbody"));
-        let bodies = worlds.flat_map(|world| world.children());
-        let bodies: Vec<Node> = bodies.filter(|n| n.has_tag_name("body")).collect();
-        let Some(world) = bodies.first().and_then(Node::parent) else {
+        let mut limbs = Vec::new();
+        let mut base_of = None;
+        for world in root.children().filter(|n| n.has_tag_name("worldbody")) {
+            let class = world.attribute("childclass").unwrap_or("main");
+            let world = MjcfElement::new(world, class, attributes);
+            let bodies = world.parts("body")?;
+            base_of = base_of.or((!bodies.is_empty()).then_some(world));
+            limbs.extend(bodies);
+        }
+        let Some(world) = base_of else {
             let reason = "there is no <body> in <worldbody>";
             return Err(RetargetError::Mjcf(reason.into()));
         };
-        let class = world.attribute("childclass").unwrap_or("main");
-        let element = |node| MjcfElement { node, class, attributes };
-        let mut limbs: Vec<MjcfElement> = bodies.into_iter().map(element).collect();
         limbs.sort_by_key(|body| std::cmp::Reverse(joints_of(body)));
         let most = joints_of(&limbs[0]);
         let is_arm = |body: &MjcfElement| is_bolted(body) && most > 1 && joints_of(body) == most;
@@ -89,7 +97,7 @@ impl<'d> MjcfBodies<'d> {
         if is_world_base {
             let name = tree.unique(Named::Link, None, "base".into());
             let link = tree.add_link(name);
-            tree.add_shapes_and_mass(element(world), link, Isometry3::identity())?;
+            tree.add_shapes_and_mass(world, link, Isometry3::identity())?;
             base = Some((link, Isometry3::identity()));
         }
         for limb in limbs {
@@ -167,7 +175,7 @@ impl<'d> MjcfBodies<'d> {
         let name = self.unique(Named::Link, body.node.attribute("name"), format!("body_{number}"));
         let pose = body.pose()?;
         let mut carrier = around.map(|(link, in_link)| (link, in_link * pose));
-        for (index, joint) in body.children("joint").enumerate() {
+        for (index, joint) in body.parts("joint")?.into_iter().enumerate() {
             let Some(on) = carrier else {
                 let kind = joint.text("type").unwrap_or("hinge");
                 let subject = joint.node.attribute("name").unwrap_or(kind);
@@ -193,7 +201,7 @@ impl<'d> MjcfBodies<'d> {
             None => (self.add_link(name), Isometry3::identity()),
         };
         self.add_shapes_and_mass(body, link, frame)?;
-        for child in body.children("body") {
+        for child in body.parts("body")? {
             self.add_body(child, Some((link, frame)))?;
         }
         Ok(())
@@ -217,8 +225,8 @@ impl<'d> MjcfBodies<'d> {
             "free" => return Ok((link, in_link)),
             _ => &[joint.vector("axis", [0.0, 0.0, 1.0])?],
         };
-        let anchor = joint.vector("pos", [0.0; 3])?;
-        let anchor = Translation3::from(Vector3::from(anchor));
+        let anchor = Point3::from(joint.vector("pos", [0.0; 3])?);
+        let anchor = Translation3::from(joint.around * anchor);
         let plain = self.unique(Named::Joint, joint.node.attribute("name"), fallback);
         if kind == "ball" {
             let message = "a ball joint: three hinges stand for it";
@@ -240,7 +248,8 @@ impl<'d> MjcfBodies<'d> {
             let link_name = format!("{name}_link");
             link = self.add_joint(name, link_name, joint_type, link, &(in_link * anchor));
             if let Some(added) = self.joints.last_mut() {
-                added.axis = Axis { xyz: Vec3(*axis) };
+                let axis = joint.around.rotation * Vector3::from(*axis);
+                added.axis = Axis { xyz: Vec3(axis.into()) };
                 added.limit = JointLimit {
                     lower,
                     upper,
@@ -261,7 +270,7 @@ impl<'d> MjcfBodies<'d> {
     ) -> Result<(), RetargetError> {
         let mut geoms = Vec::new();
         let mut others = 0;
-        for geom in body.children("geom") {
+        for geom in body.parts("geom")? {
             match MjcfGeom::read(geom, frame)? {
                 Some(geom) => geoms.push(geom),
                 None => others += 1,
@@ -276,7 +285,7 @@ impl<'d> MjcfBodies<'d> {
         let (shown, touching) = shown_and_touching(&geoms);
         link.visual = shown.iter().map(|geom| geom.visual(pose)).collect();
         link.collision = touching.iter().map(|geom| geom.collision(pose)).collect();
-        let (mass_kg, com, moments) = match body.children("inertial").next() {
+        let (mass_kg, com, moments) = match body.parts("inertial")?.into_iter().next() {
             Some(inertial) => {
                 let pose = frame * inertial.pose()?;
                 let [mass_kg] = inertial.vector("mass", [0.0])?;

@@ -38,7 +38,8 @@ impl MjcfGeom {
                 true => from_z(to - from),
                 false => UnitQuaternion::identity(),
             };
-            pose = Isometry3::from_parts(Translation3::from((from + to) / 2.0), turned);
+            let middle = Translation3::from((from + to) / 2.0);
+            pose = geom.around * Isometry3::from_parts(middle, turned);
         }
         let fromto = geom.text("fromto").is_some();
         let radius = part(0);

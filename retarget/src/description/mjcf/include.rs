@@ -1,7 +1,7 @@
 //! `<include file="…"/>` of an MJCF model: the included file's elements take its place.
 
 use crate::config::RetargetError;
-use crate::description::xml::{check_depth, parse};
+use crate::description::xml::{check_depth, parse, readable};
 use std::collections::HashSet;
 use std::ops::Range;
 
@@ -37,6 +37,8 @@ pub fn with_includes(
 
 /// Where the first include stands in the text, and the file it names.
 fn first_include(text: &str) -> Result<Option<(Range<usize>, String)>, RetargetError> {
+    // As long as the text itself: places are the same.
+    let text = &*readable(text);
     check_depth(text)?;
     let document = parse(text).map_err(|error| RetargetError::Mjcf(error.to_string()))?;
     let include = document.descendants().find(|node| node.has_tag_name("include"));
@@ -45,6 +47,8 @@ fn first_include(text: &str) -> Result<Option<(Range<usize>, String)>, RetargetE
 
 /// The part of a text that stands inside its root element.
 fn inside_root(text: &str) -> Result<Range<usize>, RetargetError> {
+    // As long as the text itself: places are the same.
+    let text = &*readable(text);
     check_depth(text)?;
     let document = parse(text).map_err(|error| RetargetError::Mjcf(error.to_string()))?;
     let root = document.root_element();

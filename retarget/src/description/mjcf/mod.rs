@@ -2,11 +2,11 @@
 //! simple shapes, masses.
 //!
 //! Read: `compiler` (angle, eulerseq, autolimits), nested `default` classes,
-//! `childclass`, several joints a body, joint anchors, all orientations,
+//! `childclass`, `frame`, several joints a body, joint anchors, all orientations,
 //! `inertial` or masses from shapes, `fromto`, joint equalities (as mimics) and
 //! the strength of motors, `include` of files in the model's folder. Held at rest, and
 //! reported: joints without a motor, and those of a loop that `connect` or `weld` closes.
-//! Meshes go by their files' names. Left out, and reported: tendons, objects around the robot, ball joints as such
+//! Meshes go by their files' names. Left out, and reported: tendons, `attach`, `replicate`, objects around the robot, ball joints as such
 //! (three hinges stand for one). Refused: global coordinates.
 //! Metres, kilograms, radians.
 
@@ -22,7 +22,7 @@ use roxmltree::Node;
 
 use crate::config::RetargetError;
 use crate::description::diagnostic::{Diagnostic, DiagnosticCode, Diagnostics};
-use crate::description::xml::{check_depth, parse};
+use crate::description::xml::{check_depth, parse, read_loosely};
 use attributes::{MjcfAttributes, MjcfElement};
 use bodies::MjcfBodies;
 pub use include::with_includes;
@@ -53,6 +53,7 @@ pub(super) fn read(
     text: &str,
     diagnostics: &mut Diagnostics,
 ) -> Result<urdf_rs::Robot, RetargetError> {
+    let text = &*read_loosely(text, diagnostics);
     check_depth(text)?;
     let document = parse(text).map_err(|error| RetargetError::Mjcf(error.to_string()))?;
     let root = document.root_element();
@@ -67,7 +68,7 @@ pub(super) fn read(
     let mut attributes = MjcfAttributes::new(root)?;
     attributes.meshes = meshes::read(root, &attributes)?;
     let mut bodies = MjcfBodies::read(root, &attributes, diagnostics)?;
-    let model = MjcfElement { node: root, class: "main", attributes: &attributes };
+    let model = MjcfElement::new(root, "main", &attributes);
     bodies.add_mimics(model);
     bodies.add_effort_limits(model);
     let mut robot = bodies.robot(root.attribute("model").unwrap_or("robot"));
@@ -82,6 +83,8 @@ fn report_left_out(root: Node, diagnostics: &mut Diagnostics) {
         ("tendon", "not converted: let joints follow by [[retarget.couple]]"),
         ("flex", "not converted"),
         ("composite", "not converted"),
+        ("attach", "not converted: put the other model's bodies here"),
+        ("replicate", "not converted: write its copies out"),
     ] {
         let found = root.descendants().filter(|n| n.has_tag_name(element));
         let count = found.count();

@@ -85,7 +85,8 @@ fn body_of(root: Node, tie: Node, end: &str) -> Option<String> {
     }
     let site = tie.attribute(format!("site{end}").as_str())?;
     let mut sites = root.descendants().filter(|node| node.has_tag_name("site"));
-    let body = sites.find(|node| node.attribute("name") == Some(site))?.parent()?;
+    let site = sites.find(|node| node.attribute("name") == Some(site))?;
+    let body = site.ancestors().find(|node| node.has_tag_name("body"))?;
     body.attribute("name").map(str::to_owned)
 }
 

@@ -51,7 +51,7 @@ impl FilePlan<'_> {
         })?;
         moved.refuse_still()?;
         let duration_s = self.trial.frames().len() as f64 / servodance_types::FRAME_RATE_HZ;
-        self.tried.push(danced(&followed, duration_s));
+        self.tried.push(danced(&followed, robot.retarget.kind, duration_s));
         Ok(())
     }
 
@@ -73,7 +73,7 @@ impl FilePlan<'_> {
             BodyKind::Quadruped => {
                 format!("{:.0} % of the trunk's movement", shares.pelvis * 100.0)
             }
-            _ => shares.to_string(),
+            _ => shares.shown(&config.body),
         };
         self.tried.push(format!(
             "in the simulated world (motors as strong as its masses ask for) it stands and dances \
@@ -146,15 +146,21 @@ fn stands(followed: &TrackedMotion) -> Result<String, String> {
     Ok("planted: both feet stay and the balance is kept".into())
 }
 
-fn danced(followed: &TrackedMotion, duration_s: f64) -> String {
+fn danced(followed: &TrackedMotion, kind: BodyKind, duration_s: f64) -> String {
     let broken = followed.violations;
     let median = TrackedMotion::quantile(&followed.direction_errors_deg, 0.5);
     let arms = match followed.direction_errors_deg.is_empty() {
-        true => "no arms to compare".into(),
-        false => format!("arms point within {median:.0} degrees of the dancer's (median)"),
+        true if kind.is_human_like() => "; no arms to compare".into(),
+        true => String::new(),
+        false => format!("; arms point within {median:.0} degrees of the dancer's (median)"),
+    };
+    let touching = match kind {
+        BodyKind::Quadruped | BodyKind::Biped => "a leg touching another part",
+        BodyKind::Arm => "the arm touching itself",
+        _ => "an arm touching the body",
     };
     format!(
-        "{duration_s:.0} s of dance: {} limits broken, {} cycles with an arm touching the body; {arms}",
+        "{duration_s:.0} s of dance: {} limits broken, {} cycles with {touching}{arms}",
         broken.position + broken.velocity + broken.acceleration,
         followed.counts.collision_cycles,
     )
