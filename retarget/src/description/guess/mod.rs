@@ -233,8 +233,9 @@ fn named_starts(body: &LinkTree) -> [[Option<usize>; 2]; 2] {
 /// A chain that has words of an arm and of a leg is what most of its links are called, and a leg
 /// where that is undecided and it hangs: one limb is not both.
 fn one_limb_each(body: &LinkTree, starts: &mut [[Option<usize>; 2]; 2]) {
-    for side in 0..2 {
-        let [Some(arm), Some(leg)] = [starts[0][side], starts[1][side]] else { continue };
+    let [arms, legs] = starts;
+    for (side, (arm_start, leg_start)) in arms.iter_mut().zip(legs).enumerate() {
+        let (Some(arm), Some(leg)) = (*arm_start, *leg_start) else { continue };
         let upper = match (body.model.is_below(leg, arm), body.model.is_below(arm, leg)) {
             (true, _) => arm,
             (_, true) => leg,
@@ -253,8 +254,8 @@ fn one_limb_each(body: &LinkTree, starts: &mut [[Option<usize>; 2]; 2]) {
             Ordering::Equal => body.hangs(upper),
             more => more == Ordering::Greater,
         };
-        starts[usize::from(is_leg)][side] = Some(upper);
-        starts[usize::from(!is_leg)][side] = None;
+        let upper = Some(upper);
+        (*arm_start, *leg_start) = if is_leg { (None, upper) } else { (upper, None) };
     }
 }
 
