@@ -7,6 +7,7 @@
 use serde::Deserialize;
 use servodance_types::JointLimits;
 
+use crate::bus::kind::BusKind;
 use crate::can::{MotorModel, MotorSettings};
 use crate::error::ConfigError;
 use crate::servo::model::ServoModel;
@@ -256,7 +257,9 @@ fn may_share_bus(one: &ServoConfig, other: &ServoConfig) -> bool {
 fn answer_alike(one: &Servo, other: &Servo) -> bool {
     // Damiao's motors give the lowest four bits of their id in replies.
     let nibble = |servo: &Servo| {
-        let motor = servo.motor.as_ref().filter(|motor| motor.model.has_registers)?;
+        let is_damiao =
+            |motor: &&MotorSettings| servo.model.kind == BusKind::Mit && motor.model.has_registers;
+        let motor = servo.motor.as_ref().filter(is_damiao)?;
         Some((motor.reply_id, servo.id & 0xF))
     };
     one.id == other.id || (nibble(one).is_some() && nibble(one) == nibble(other))
@@ -383,5 +386,8 @@ mod tests {
         assert!(error.contains("lowest four bits"), "{error}");
         assert!(servos(&[motor(1, 0), motor(17, 0x11)]).is_ok());
         assert!(servos(&[motor(1, 0), motor(2, 0)]).is_ok());
+        // Others give the whole id.
+        let whole = |id| ServoConfig { model: "RS01".into(), reply_id: None, ..motor(id, 0) };
+        servos(&[whole(1), whole(17)]).unwrap();
     }
 }

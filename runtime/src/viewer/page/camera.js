@@ -2,9 +2,11 @@
 
 import { lookAt, multiply, perspective } from "./matrix.js";
 
-export function viewOf(camera, target, height, canvas) {
+// `half`: how far what is seen reaches to each side of the target.
+export function viewOf(camera, target, height, canvas, half = 0) {
   const aspect = canvas.width / canvas.height;
-  const far = (2.35 * height * Math.max(1, 1.4 / aspect)) / camera.zoom;
+  const width = 1.4 * Math.max(1, half / (1.1 * height));
+  const far = (2.35 * height * Math.max(1, width / aspect)) / camera.zoom;
   const level = Math.cos(camera.pitch);
   const eye = [
     target[0] + far * level * Math.cos(camera.yaw),

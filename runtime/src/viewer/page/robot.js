@@ -25,6 +25,11 @@ export function robotPart(shape) {
   return { ...part, shape: "ball", size: [shape.sphere, shape.sphere, shape.sphere] };
 }
 
+// How far parts are from the middle, level.
+export function reach(parts) {
+  return Math.max(0, ...parts.map(({ world }) => Math.hypot(world[12], world[13])));
+}
+
 // Where the lowest part is, and how tall all of them are.
 export function extent(parts) {
   let [low, high] = [Infinity, -Infinity];

@@ -5,7 +5,7 @@ import { SHADOW, drawFloor, shadowOn, upright } from "./floor.js";
 import { between, distance, fromPose, multiply } from "./matrix.js";
 import { makePainter } from "./painter.js";
 import { openCanvas } from "./pixels.js";
-import { extent, robotPart } from "./robot.js";
+import { extent, reach, robotPart } from "./robot.js";
 
 const HUMAN = [1.0, 0.69, 0.4, 1];
 const HUMAN_M = 1.7;
@@ -47,7 +47,9 @@ export function makeStage(canvas, scene) {
     ground ??= extent(parts);
     const { floor, height } = ground;
     const beside = camera.human ? 0.9 * height : 0;
-    painter.look(viewOf(camera, [0, beside / 2, floor + height / 2], height, canvas));
+    // An arm reaches farther than it is high: the picture grows with what it has shown.
+    ground.side = Math.max(ground.side ?? 0, Math.min(reach(parts) + 0.1 * height, 2 * height));
+    painter.look(viewOf(camera, [0, beside / 2, floor + height / 2], height, canvas, beside / 2 + ground.side));
     drawFloor(painter, floor, height, beside, frame.beat);
     if (frame.human && camera.human) parts.push(...humanParts(scene.bones, frame.human, floor, height, beside));
     const flat = shadowOn(floor + height / 600);
