@@ -65,7 +65,7 @@ impl StickFigure {
         [top - self.floor_m, 2.0 * half]
     }
 
-    /// The height of [`draw_figure`], at most `most`, at which the figure is as wide as
+    /// The height of `draw_figure`, at most `most`, at which the figure is as wide as
     /// `width`; in pixels.
     pub fn height_that_fits(&self, width: f32, most: f32) -> f32 {
         let (sin, cos) = YAW_RAD.sin_cos();
