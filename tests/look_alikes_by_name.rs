@@ -13,7 +13,7 @@ fn guess(text: &str) -> BodyGuess {
 }
 
 /// One joint after the other, each called `name` and its number from 1.
-fn chain(mut rig: Rig, carrier: &str, name: &str, joints: &[(&str, &str)]) -> Rig {
+pub fn chain(mut rig: Rig, carrier: &str, name: &str, joints: &[(&str, &str)]) -> Rig {
     let mut last = carrier.to_owned();
     for (index, (at, axis)) in joints.iter().enumerate() {
         let joint = format!("{name}{}", index + 1);

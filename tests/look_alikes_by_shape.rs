@@ -1,6 +1,7 @@
 //! Robots made to look like public ones whose shape misled (docs/measurements/robots.md): arms
 //! that hang as legs do, legs that are folded at zero, wheels that turn as a head does.
 
+use crate::look_alikes_by_name::chain;
 use crate::rigs::Rig;
 use servodance_retarget::{BodyGuess, BodyKind, guess_body, lint, no_meshes};
 
@@ -10,17 +11,6 @@ const Z: &str = "<axis xyz=\"0 0 1\"/>";
 
 fn guess(rig: &Rig) -> BodyGuess {
     guess_body(&rig.urdf(), &no_meshes).expect("something that can dance")
-}
-
-/// Joints one after the other from `carrier` on, each called `name` and its number from 1.
-fn chain(mut rig: Rig, carrier: &str, name: &str, joints: &[(&str, &str)]) -> Rig {
-    let mut last = carrier.to_owned();
-    for (index, (at, axis)) in joints.iter().enumerate() {
-        let joint = format!("{name}{}", index + 1);
-        rig = rig.joint("revolute", &joint, &last, at, axis);
-        last = format!("{joint}_link");
-    }
-    rig
 }
 
 /// As Astribot S1 and Galaxea R1: arms without a word that says so hang from a torso of four
